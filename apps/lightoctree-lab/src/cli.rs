@@ -1,4 +1,4 @@
-//! Everything that the command line understands.
+//! Definition of the command line.
 
 use clap::{Parser, Subcommand};
 use lightoctree_cli::args::Global;
@@ -6,14 +6,14 @@ use lightoctree_cli::commands::completions;
 
 use crate::commands;
 
-/// Rooms with known light, training and evaluation: the workshop of `lightoctree`.
+/// Research and training tools for lightoctree: generate rooms with known light, train networks, evaluate methods
 #[derive(Debug, Parser)]
 #[command(name = "lightoctree-lab", version, propagate_version = true, max_term_width = 110)]
 pub struct Cli {
     /// Options of every command.
     #[command(flatten)]
     pub global: Global,
-    /// What to do.
+    /// The command to run.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -21,18 +21,18 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Make procedural rooms with global light for training
+    /// Generate procedural rooms with global illumination, as training data
     Synth(commands::synth::Args),
-    /// Look at, convert or preview a dataset
+    /// Inspect, convert or preview a dataset
     Dataset(commands::dataset::Args),
     /// Train the networks
     Train(commands::train::Args),
-    /// Average, merge or inspect files of trained weights
+    /// Average, merge or inspect weights files
     Weights(commands::weights::Args),
-    /// Measure methods and baselines on a dataset
+    /// Evaluate methods and baselines on a dataset
     Eval(commands::eval::Args),
-    /// Time this program on the input of the peers' kit
+    /// Benchmark this program on the input of the peers' kit
     Bench(commands::bench::Args),
-    /// Print a completion script for a shell
+    /// Print a shell completion script
     Completions(completions::Args),
 }

@@ -1,4 +1,4 @@
-//! Configuration files: TOML with as many of a struct's fields as differ from its defaults.
+//! Configuration files: TOML with the fields that differ from the defaults.
 
 use std::path::Path;
 
@@ -7,25 +7,25 @@ use lightoctree_cli::usage::Usage;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Reads a configuration; errors name the file, the line and what stands there.
+/// Reads a configuration. Errors name the file, the line and its text.
 pub fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<T> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     parse(&text).map_err(|reason| Usage(format!("{}: {reason}", path.display())).into())
 }
 
-/// A configuration with all of its fields, as [`read`] takes it.
+/// Returns a configuration with all fields, in the format of [`read`].
 pub fn text<T: Serialize>(config: &T) -> anyhow::Result<String> {
-    toml::to_string(config).context("a configuration that TOML cannot express")
+    toml::to_string(config).context("cannot write the configuration as TOML")
 }
 
 fn parse<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     toml::from_str(text).map_err(|error| {
-        // An error without a place, or one beyond the last line (a table that never ends), is told without its line.
-        let place = error.span().and_then(|span| {
+        // Errors may have no position, or one beyond the last line (an unterminated table).
+        let line = error.span().and_then(|span| {
             let number = text.get(..span.start)?.matches('\n').count();
             Some((number, text.lines().nth(number)?.trim()))
         });
-        match place {
+        match line {
             Some((number, line)) => format!("line {} ({line}): {}", number + 1, error.message()),
             None => error.message().to_owned(),
         }

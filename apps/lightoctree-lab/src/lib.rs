@@ -1,6 +1,6 @@
-//! The `lightoctree-lab` command: rooms with known light, training and evaluation of what `lightoctree` does.
+//! The `lightoctree-lab` command: generated rooms, training and evaluation.
 //!
-//! A program of its own, so that who wants light from a photo does not compile it. Exit codes: 0 done, 1 the job failed, 2 wrong usage.
+//! A separate program, so that builds of `lightoctree` stay small. Exit codes: 0 success, 1 failure, 2 usage error.
 
 pub mod cli;
 pub mod commands;
@@ -14,7 +14,7 @@ use clap::{CommandFactory, Parser};
 
 use cli::{Cli, Command};
 
-/// The whole program, from the command line to the exit code.
+/// Parses the command line, runs the command and returns the exit code.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     lightoctree_cli::program(&cli.global, || run(&cli))

@@ -1,11 +1,13 @@
-//! How the allocator treats memory that is freed.
+//! Settings of the memory allocator.
 
-/// mimalloc's `mi_option_purge_delay`, which its bindings have no name for.
+/// mimalloc's `mi_option_purge_delay`, which the bindings do not define.
 const PURGE_DELAY: libmimalloc_sys::mi_option_t = 15;
 
-/// Keeps memory that is freed instead of giving it back after 10 ms: what comes next wants as much again, and page faults would be half of
-/// a training step's time and a twentieth of a generated room's.
-pub fn keep_what_is_freed() {
-    // SAFETY: the call sets an option of the allocator, which may be done at any time; negative values are for this.
+/// Keeps freed memory in the process instead of returning it to the system after 10 ms.
+///
+/// The next step needs as much again. Page faults would take half the time of a training step, and 5 % of that of a
+/// generated room.
+pub fn retain_freed_memory() {
+    // SAFETY: allocator options may be set at any time; a negative delay disables purging.
     unsafe { libmimalloc_sys::mi_option_set(PURGE_DELAY, -1) };
 }

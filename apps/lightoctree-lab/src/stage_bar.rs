@@ -1,4 +1,4 @@
-//! Progress of a long job on stderr.
+//! Progress bar of a long job, on stderr.
 
 use std::ops::ControlFlow;
 
@@ -7,20 +7,20 @@ use lightoctree::Event;
 use lightoctree_cli::interrupt;
 use lightoctree_cli::progress::{bar, stage_label, warning_text};
 
-/// Shows the stage at hand as a bar, and ends the job after a Ctrl-C.
+/// Shows the current stage as a progress bar, and cancels the job after Ctrl-C.
 pub struct StageBar {
     quiet: bool,
     bar: ProgressBar,
 }
 
 impl StageBar {
-    /// Without a stage yet; says nothing when `quiet`.
+    /// Creates a bar without a stage; prints nothing if `quiet`.
     pub fn new(quiet: bool) -> Self {
         Self { quiet, bar: ProgressBar::hidden() }
     }
 
-    /// Takes note of what the library says on its way.
-    pub fn hear(&mut self, event: Event) -> ControlFlow<()> {
+    /// Handles an event of the job.
+    pub fn handle(&mut self, event: Event) -> ControlFlow<()> {
         match event {
             Event::Progress { stage, done: 0, total } => {
                 self.bar.finish_and_clear();

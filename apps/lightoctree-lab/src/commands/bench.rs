@@ -1,6 +1,6 @@
-//! `lightoctree-lab bench`: our side of the peers' kit, in the kit's own line format.
+//! `lightoctree-lab bench`: our benchmarks of the peers' kit, in the kit's output format.
 //!
-//! Each case runs in a process of its own, as the peers' do, so that its memory is its own too.
+//! Each case runs in its own process, as in the kit, so that memory is measured separately.
 
 use std::process::Command;
 use std::time::Instant;
@@ -21,33 +21,34 @@ mod input;
 #[command(after_help = "Examples:\n  \
     PEERS_INPUT=peers/input lightoctree-lab bench --threads 1\n  \
     peers/run.sh --tuned --threads 1 --ours 'lightoctree-lab bench --threads 1 --json'\n\n\
-    The input is what the kit's make_input.py writes: rgbd_*.npy, room_*.npy, room_rgba128.npy and input.json.\n\
-    The cases `estimate_panorama` and `insert_draft` use the photo and the mesh that the program carries.")]
+    PEERS_INPUT is the folder written by the kit's make_input.py: rgbd_*.npy, room_*.npy, room_rgba128.npy and \
+    input.json.\n\
+    The cases `estimate_panorama` and `insert_draft` use the built-in photo and mesh, without PEERS_INPUT.")]
 pub struct Args {
-    /// One JSON object a line instead of a table
+    /// Print one JSON object per line instead of a table
     #[arg(long)]
     json: bool,
 
-    /// Cases whose name contains this; may be given more than once
+    /// Run only cases whose name contains this; repeatable
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
 
-    /// Timed repetitions of a case
+    /// Timed repetitions per case
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=1000))]
     reps: u32,
 
-    /// Print the names of the cases and stop
+    /// Print the names of the cases, and exit
     #[arg(long)]
     list: bool,
 
-    /// Run one case in this process (what `bench` itself starts)
+    /// Run one case in this process (used by `bench` itself)
     #[arg(long, hide = true)]
     child: Option<String>,
 }
 
-/// One line of results; the names are the kit's.
+/// Result of one case; field names are the kit's.
 #[derive(Debug, Serialize, Deserialize)]
-struct Line {
+struct BenchResult {
     peer: String,
     case: String,
     threads: usize,
@@ -59,10 +60,10 @@ struct Line {
     nodes: Option<usize>,
 }
 
-/// Runs the chosen cases one after the other.
+/// Runs the selected cases one after another.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let Some(name) = &args.child {
-        let case = CASES.iter().find(|case| case.name == name).with_context(|| format!("no case {name}"))?;
+        let case = CASES.iter().find(|case| case.name == name).with_context(|| format!("no case named {name}"))?;
         return report::print_json(&measure(case, args.reps as usize)?);
     }
     let chosen: Vec<&Case> = CASES
@@ -70,7 +71,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         .filter(|case| args.only.is_empty() || args.only.iter().any(|only| case.name.contains(only.as_str())))
         .collect();
     if chosen.is_empty() {
-        return Err(Usage(format!("no case has `{}` in its name; --list prints them", args.only.join("`, `"))).into());
+        return Err(
+            Usage(format!("no case name contains `{}`; --list prints all names", args.only.join("`, `"))).into()
+        );
     }
     if args.list {
         chosen.iter().for_each(|case| report::print(case.name));
@@ -94,7 +97,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn row(line: &Line) -> Vec<String> {
+/// Formats a row of the table.
+fn row(line: &BenchResult) -> Vec<String> {
     let mib = |value: Option<f64>| value.map_or_else(|| "-".into(), |mib| format!("{mib:.0}"));
     vec![
         line.case.clone(),
@@ -107,7 +111,8 @@ fn row(line: &Line) -> Vec<String> {
     ]
 }
 
-fn in_own_process(global: &Global, case: &Case, reps: u32) -> anyhow::Result<Line> {
+/// Runs a case in a child process.
+fn in_own_process(global: &Global, case: &Case, reps: u32) -> anyhow::Result<BenchResult> {
     let program = std::env::current_exe().context("cannot find this program")?;
     let mut command = Command::new(program);
     command.args(["bench", "--child", case.name, "--reps", &reps.to_string()]);
@@ -122,10 +127,11 @@ fn in_own_process(global: &Global, case: &Case, reps: u32) -> anyhow::Result<Lin
     serde_json::from_slice(&done.stdout).with_context(|| format!("the case {} gave no result", case.name))
 }
 
-fn measure(case: &Case, reps: usize) -> anyhow::Result<Line> {
+/// Runs a case in this process.
+fn measure(case: &Case, reps: usize) -> anyhow::Result<BenchResult> {
     let mut prepared = (case.prepare)()?;
     let base_rss_mib = memory::current_mib();
-    memory::restart_peak();
+    memory::reset_peak();
     let nodes = (prepared.run)(); // warm-up
     let mut times: Vec<f64> = (0..reps)
         .map(|_| {
@@ -135,7 +141,7 @@ fn measure(case: &Case, reps: usize) -> anyhow::Result<Line> {
         })
         .collect();
     times.sort_by(f64::total_cmp);
-    Ok(Line {
+    Ok(BenchResult {
         peer: "lightoctree".into(),
         case: case.name.into(),
         threads: rayon::current_num_threads(),

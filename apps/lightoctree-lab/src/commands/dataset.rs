@@ -1,4 +1,4 @@
-//! `lightoctree-lab dataset inspect|convert|preview`: what a dataset holds, in any layout that is known.
+//! `lightoctree-lab dataset`: inspects, converts and previews datasets of any supported layout.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,50 +26,50 @@ pub struct Args {
     action: Action,
 }
 
-/// What to do with a dataset.
+/// Operations on a dataset.
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// Count samples and show how light, depth and lamps are distributed
+    /// Count samples, and print distributions of light, depth and lamps
     Inspect(InspectArgs),
-    /// Write any dataset as shards
+    /// Convert a dataset to shards
     Convert(ConvertArgs),
-    /// Make a contact sheet of photos and tone-mapped panoramas
+    /// Write a contact sheet of photos and tone-mapped panoramas
     Preview(PreviewArgs),
 }
 
-/// The dataset.
+/// Selects a dataset.
 #[derive(Debug, clap::Args)]
 struct Source {
-    /// A folder in one of the layouts, or a shard
+    /// Dataset folder, or a single shard (.tar)
     dataset: PathBuf,
 
-    /// How its files are laid out [default: found out]
+    /// Layout of the files [default: detected]
     #[arg(long, value_name = "NAME")]
     layout: Option<LayoutName>,
 
-    /// Photos to cut out of each panorama, where there are no photos
+    /// Photos to crop from each panorama, for datasets without photos
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     crops: u32,
 
-    /// Plans of the panoramas' rooms, NAME.json of NAME.hdr: depth is known by them
+    /// Folder of floor plans, NAME.json for panorama NAME.hdr; they provide depth
     #[arg(long, value_name = "DIR")]
     plans: Option<PathBuf>,
 }
 
-/// Layouts on the command line.
+/// Names of layouts.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum LayoutName {
-    /// WebDataset archives of `lightoctree-lab synth` and `dataset convert`.
+    /// WebDataset archives written by `lightoctree-lab synth` or `dataset convert`
     Shards,
-    /// FutureHouse (Li et al. 2022).
+    /// FutureHouse (Li et al. 2022)
     Futurehouse,
-    /// InteriorNet (Li et al. 2018).
+    /// InteriorNet (Li et al. 2018)
     Interiornet,
-    /// Laval spatially varying (Garon et al. 2019), with a scene.json in each folder.
+    /// Laval Indoor Spatially Varying HDR (Garon et al. 2019), with a scene.json in each folder
     LavalVarying,
-    /// Equirectangular HDR pictures.
+    /// Equirectangular HDR panoramas
     Panoramas,
-    /// Photos with measured depth, listed in a frames.json.
+    /// Photos with measured depth, listed in a frames.json
     Frames,
 }
 
@@ -86,19 +86,19 @@ impl From<LayoutName> for Layout {
     }
 }
 
-/// Parts of a dataset on the command line.
+/// Names of the parts of a dataset.
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 pub(super) enum SplitName {
-    /// One scene of ten
+    /// One scene in ten
     Validation,
-    /// The other nine
+    /// The other nine in ten
     Train,
-    /// All scenes: for data that no training ever saw
+    /// All scenes, for data that was never used for training
     All,
 }
 
 impl SplitName {
-    /// The part; `None` for all.
+    /// Returns the part; `None` for all.
     pub(super) fn part(self) -> Option<Split> {
         match self {
             Self::All => None,
@@ -109,14 +109,14 @@ impl SplitName {
 }
 
 #[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Examples:\n  lightoctree-lab dataset inspect rooms\n  lightoctree-lab dataset inspect rooms --json | jq .figures"
-)]
+#[command(after_help = "Examples:\n  \
+    lightoctree-lab dataset inspect rooms\n  \
+    lightoctree-lab dataset inspect rooms --json | jq .summary.figures")]
 struct InspectArgs {
     #[command(flatten)]
     source: Source,
 
-    /// Look at no more than this many samples, evenly spread
+    /// Inspect at most this many samples, evenly spread
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     samples: Option<u32>,
 
@@ -127,20 +127,20 @@ struct InspectArgs {
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  lightoctree-lab dataset convert panoramas --crops 4 -o shards\n\n\
-    Run the same command again after it was stopped: finished shards are kept.")]
+    To resume after a stop, run the same command again: finished shards are kept.")]
 struct ConvertArgs {
     #[command(flatten)]
     source: Source,
 
-    /// Samples in a shard
+    /// Samples per shard
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     samples_per_shard: u32,
 
-    /// The folder to write into
+    /// Output folder
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
 
-    /// Write into a folder that holds other things; shards of another dataset or seed there are removed
+    /// Write into a folder with other contents, and delete shards of another dataset or seed there
     #[arg(long)]
     force: bool,
 }
@@ -151,32 +151,32 @@ struct PreviewArgs {
     #[command(flatten)]
     source: Source,
 
-    /// Photos on the sheet
+    /// Number of photos
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(0..=1000))]
     photos: u32,
 
-    /// Panoramas on the sheet
+    /// Number of panoramas
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(0..=1000))]
     panoramas: u32,
 
-    /// Pictures in a row
+    /// Images per row
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=40))]
     columns: u32,
 
-    /// The picture to write: .png or .jpg
+    /// Image to write: .png or .jpg
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
-    /// Replace a file of something else
+    /// Overwrite any existing file
     #[arg(long)]
     force: bool,
 }
 
 const CONVERT: &str = "dataset";
-/// Shards begin with this name.
+/// Prefix of the shards' file names.
 const PREFIX: &str = "samples";
 
-/// Does what was asked for.
+/// Runs the selected operation.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     match &args.action {
         Action::Inspect(args) => inspect(global, args),
@@ -186,6 +186,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 }
 
 impl Source {
+    /// Opens the dataset; at least one sample.
     fn open(&self, global: &Global) -> anyhow::Result<(Layout, Arc<dyn Dataset>)> {
         let layout = match self.layout {
             Some(name) => name.into(),
@@ -194,13 +195,13 @@ impl Source {
         let model = CropModel { crops: self.crops, seed: global.seed, ..CropModel::default() };
         let dataset: Arc<dyn Dataset> = layout.open_planned(&self.dataset, model, self.plans.as_deref())?.into();
         if dataset.is_empty() {
-            return Err(DatasetError::Layout { folder: self.dataset.clone(), reason: "no sample in it".into() }.into());
+            return Err(DatasetError::Layout { folder: self.dataset.clone(), reason: "no samples found".into() }.into());
         }
         Ok((layout, dataset))
     }
 }
 
-/// A folder of shards of this command: its own is taken up again, of others it is said whose they are.
+/// Opens or resumes a folder of shards; refuses folders of other commands or inputs, unless `force`.
 pub(super) fn shard_folder(
     path: &Path,
     prefix: &str,
@@ -226,24 +227,24 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
     let count = args.samples.map_or(dataset.len(), |most| dataset.len().min(most as usize));
     let progress = bar(global.quiet, count, "samples");
     let mut summary = Summary::default();
-    let mut looked = 0;
-    let mut look = |sample: &Sample| {
+    let mut inspected = 0;
+    let mut inspect = |sample: &Sample| {
         summary.add(sample);
         add_light(&mut summary, sample);
         progress.inc(1);
-        looked += 1;
+        inspected += 1;
         !interrupt::asked()
     };
     if count == dataset.len() {
         let config = LoaderConfig { shuffle: false, threads: threads(global), ..LoaderConfig::default() };
         for sample in Loader::new(Arc::clone(&dataset), config) {
-            if !look(&sample?) {
+            if !inspect(&sample?) {
                 break;
             }
         }
     } else {
         for index in evenly_spread(dataset.len(), count) {
-            if !look(&dataset.get(index)?) {
+            if !inspect(&dataset.get(index)?) {
                 break;
             }
         }
@@ -256,15 +257,15 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
     } else {
         report::print(&text(layout, &dataset, &found));
     }
-    if looked < count {
-        anyhow::bail!("stopped after {looked} of {count} samples");
+    if inspected < count {
+        anyhow::bail!("stopped after {inspected} of {count} samples");
     }
     Ok(())
 }
 
-/// How the light of a sample's first panorama is distributed.
+/// Adds figures of the light distribution in a sample's first panorama.
 fn add_light(summary: &mut Summary, sample: &Sample) {
-    let Some(light) = sample.views.first().and_then(|view| LightDistribution::of(&view.radiance)) else { return };
+    let Some(light) = sample.views.first().and_then(|view| LightDistribution::measure(&view.radiance)) else { return };
     let figures = [
         ("light: contrast of a matte sphere, stops", light.contrast_stops),
         ("light: anisotropy", light.anisotropy),
@@ -275,6 +276,7 @@ fn add_light(summary: &mut Summary, sample: &Sample) {
     figures.iter().for_each(|&(name, value)| summary.figure(name, value as f32));
 }
 
+/// Formats the summary as text.
 fn text(layout: Layout, dataset: &Arc<dyn Dataset>, found: &SummaryReport) -> String {
     let split = |name: &str, i: usize| {
         vec![name.to_owned(), found.scenes_by_split[i].to_string(), found.samples_by_split[i].to_string()]
@@ -294,7 +296,7 @@ fn text(layout: Layout, dataset: &Arc<dyn Dataset>, found: &SummaryReport) -> St
         .collect();
     [
         format!(
-            "{}, {} samples; looked at {} with {} panoramas and {} points",
+            "{}: {} samples, {} inspected, with {} panoramas and {} surface points",
             layout.name(),
             dataset.len(),
             found.samples,
@@ -309,7 +311,7 @@ fn text(layout: Layout, dataset: &Arc<dyn Dataset>, found: &SummaryReport) -> St
     .join("\n\n")
 }
 
-/// A line for each bin between the first and the last that hold anything.
+/// Formats a histogram as a bar chart, without empty bins at the ends.
 fn chart(title: &str, histogram: &Histogram) -> String {
     let used = |share: &f32| *share > 0.0;
     let shares = &histogram.shares;
@@ -328,7 +330,7 @@ fn chart(title: &str, histogram: &Histogram) -> String {
 fn convert(global: &Global, args: &ConvertArgs) -> anyhow::Result<()> {
     let begun = std::time::Instant::now();
     let (layout, dataset) = args.source.open(global)?;
-    // Everything that the shards' bytes depend on.
+    // Everything that the shards' contents depend on.
     let mut manifest = json!({
         "format_version": lo_dataset::FORMAT_VERSION,
         "program_version": env!("CARGO_PKG_VERSION"),
@@ -345,17 +347,17 @@ fn convert(global: &Global, args: &ConvertArgs) -> anyhow::Result<()> {
     let shards = shard_folder(&args.output, PREFIX, CONVERT, manifest, args.force)?;
     let mut bar = StageBar::new(global.quiet);
     let (per_shard, threads) = (args.samples_per_shard as usize, threads(global));
-    let count = convert_to_shards(&shards, &dataset, per_shard, threads, &mut |event| bar.hear(event))?;
+    let count = convert_to_shards(&shards, &dataset, per_shard, threads, &mut |event| bar.handle(event))?;
     drop(bar);
     let ShardCount { all, there: done, written } = count;
     report::print(&format!(
-        "{}  {written} shards written, {done} of {all} there, {} samples in all, {}",
+        "{}  {written} shards written, {done} of {all} complete, {} samples in total, {}",
         args.output.display(),
         dataset.len(),
         seconds(begun.elapsed())
     ));
     if done < all {
-        anyhow::bail!("stopped after {done} of {all} shards; the same command goes on");
+        anyhow::bail!("stopped after {done} of {all} shards; run the same command again to continue");
     }
     Ok(())
 }
@@ -370,7 +372,7 @@ fn preview(global: &Global, args: &PreviewArgs) -> anyhow::Result<()> {
     let (mut photos, mut panoramas) = (0, 0);
     for index in evenly_spread(dataset.len(), count) {
         if interrupt::asked() {
-            anyhow::bail!("stopped before the sheet was full");
+            anyhow::bail!("stopped before the contact sheet was complete");
         }
         let sample = dataset.get(index)?;
         if photos < args.photos {
@@ -391,5 +393,9 @@ fn preview(global: &Global, args: &PreviewArgs) -> anyhow::Result<()> {
 
 fn check_picture(path: &Path) -> anyhow::Result<()> {
     let known = path.extension().is_some_and(|e| ["png", "jpg", "jpeg"].iter().any(|k| e.eq_ignore_ascii_case(k)));
-    if known { Ok(()) } else { Err(Usage(format!("{}: a sheet is written as .png or .jpg", path.display())).into()) }
+    if known {
+        Ok(())
+    } else {
+        Err(Usage(format!("{}: unsupported image format; use .png or .jpg", path.display())).into())
+    }
 }

@@ -1,4 +1,4 @@
-//! `lightoctree-lab eval`: figures of methods and baselines on any dataset.
+//! `lightoctree-lab eval`: evaluates methods and baselines on a dataset.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -16,8 +16,8 @@ use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{output, report};
 use lo_dataset::{CropModel, Generator, GeneratorConfig};
 use lo_eval::{
-    EvalError, Evaluation, InsertionEvaluation, InsertionMethod, Method, Photos, Profile, ProfileError, Protocol,
-    Report, Tools,
+    EvalError, Evaluation, InsertionEvaluation, InsertionMethod, Method, PhotoSelection, Profile, ProfileError,
+    Protocol, Report, Tools,
 };
 use serde_json::json;
 
@@ -33,100 +33,123 @@ use crate::stage_bar::StageBar;
     lightoctree-lab eval panoramas --split all --profile profile.json -o report\n  \
     lightoctree-lab eval panoramas --split all --protocol three-spheres -o report\n  \
     lightoctree-lab eval configs/insertion.toml --protocol insertion --seed 11 --samples 66 -o report\n\n\
-    docs/evaluation.md says what each figure means. DIR gets scenes.csv, summary.md, summary.json, costs.csv and sheet.png.")]
+    Files in the output folder:\n  \
+    summary.md    tables of all figures\n  \
+    summary.json  means, medians and quartiles of each method\n  \
+    scenes.csv    figures of each photo and method\n  \
+    costs.csv     time and memory of each photo and method\n  \
+    sheet.png     photos with true and estimated panoramas\n\n\
+    docs/evaluation.md explains the figures.")]
 pub struct Args {
-    /// A folder in one of the layouts, or a shard; for the protocol insertion the configuration of rooms, as of `synth --config`
+    /// Dataset folder or a single shard; for the protocol insertion, a configuration of rooms as for `synth --config`
     dataset: PathBuf,
 
-    /// How its files are laid out [default: found out]
+    /// Layout of the files [default: detected]
     #[arg(long, value_name = "NAME")]
     layout: Option<LayoutName>,
 
-    /// A published protocol, with its own crops of a folder of panoramas and its own spheres; or objects in generated rooms
+    /// Evaluate by a protocol: a published one on a folder of panoramas, or objects in generated rooms
+    ///
+    /// Published protocols define their own crops and spheres.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["layout", "crops", "hfov_deg", "make_profile"])]
     protocol: Option<ProtocolName>,
 
-    /// Photos to cut out of each panorama, evenly around, where there are no photos
+    /// Photos to crop from each panorama, at evenly spaced headings, for datasets without photos
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     crops: u32,
 
-    /// Their horizontal field of view in degrees, from the least to the largest
+    /// Range of the horizontal field of view of these crops, degrees
     #[arg(long, value_name = "A,B", default_value = "60,80", value_parser = parse::hfov_range_deg)]
     hfov_deg: [f32; 2],
 
-    /// Plans of the panoramas' rooms, NAME.json of NAME.hdr: depth is known by them
+    /// Folder of floor plans, NAME.json for panorama NAME.hdr; they provide depth
     #[arg(long, value_name = "DIR", conflicts_with = "protocol")]
     plans: Option<PathBuf>,
 
-    /// The part of the dataset
+    /// Part of the dataset
     #[arg(long, value_name = "PART", default_value = "validation")]
     split: SplitName,
 
-    /// No more photos than this, evenly spread
+    /// Largest number of photos, evenly spread [default: all; 60 rooms for the protocol insertion]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     samples: Option<u32>,
 
-    /// Methods, separated by commas [default: all that the options suffice for, but for network-expected, network-lamps, network-detail and panorama-…; the protocol insertion has its own]
+    /// Methods, separated by commas [default: all basic methods that the options and the dataset allow]
     ///
-    /// With one that knows a panorama of the room, every method is scored on the panoramas 0.7 m or more from it alone.
+    /// Basic methods: mean-colour, profile, fixed-shape, mirrored, single-map, network-cubed, shell-sensor, shell-true,
+    /// network, network-sensor, network-true, true-octree.
+    ///
+    /// Expected and plausible light, and the photo's detail: network-expected, network-lamps, network-detail, each also
+    /// with -sensor or -true.
+    ///
+    /// Known panorama: panorama-everywhere, panorama-prior, panorama-prior-found, panorama-prior-sensor,
+    /// panorama-prior-true, panorama-of-another-room. With any of these, all methods are scored only on panoramas at
+    /// least 0.7 m from the known one.
+    ///
+    /// Protocol insertion: no-lamp, overhead, fitted, each also with -sensor or -true; single-map, true-octree,
+    /// true-panorama. All by default.
+    ///
+    /// The suffix -sensor stands for simulated sensor depth as input, -true for true depth; without a suffix, the input
+    /// is the photo alone.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     methods: Vec<String>,
 
-    /// Trained weights, for network, network-sensor, network-true, network-cubed and single-map [default: those of the program]
+    /// Trained weights, for all network methods and single-map [default: the built-in weights]
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
 
-    /// The training set's mean vertical profile, for profile and fixed-shape
+    /// Mean vertical profile of the training set, for the methods profile and fixed-shape; see --make-profile
     #[arg(long, value_name = "FILE.json")]
     profile: Option<PathBuf>,
 
-    /// Compute that profile from the training part of the dataset, write it and stop
+    /// Compute the profile from the training part of the dataset, write it to this file, and exit
     #[arg(long, value_name = "FILE.json", conflicts_with_all = ["output", "profile", "weights", "methods"])]
     make_profile: Option<PathBuf>,
 
-    /// Depth of octrees; those of the networks are at least as deep as they are
+    /// Octree depth; networks use at least their own depth
     #[arg(long, value_name = "D", default_value_t = 7, value_parser = clap::value_parser!(u32).range(5..=9))]
     octree_depth: u32,
 
-    /// Photos in whose rooms a probe walks a metre
+    /// Number of photos for which a probe moves one metre through the room, to measure steps and parallax
     #[arg(long, value_name = "N", default_value_t = 4)]
     walks: u32,
 
-    /// Rows of sheet.png
+    /// Rows of sheet.png; 0 for no sheet
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(0..=100))]
     rows: u32,
 
-    /// Of the protocol insertion: keep path-traced truths here, and take those that are there already
+    /// Cache folder of path-traced references of the protocol insertion; use one per seed and configuration
     #[arg(long, value_name = "DIR")]
     truths: Option<PathBuf>,
 
-    /// The folder to write into
+    /// Output folder
     #[arg(long, short, value_name = "DIR", required_unless_present = "make_profile")]
     output: Option<PathBuf>,
 
-    /// Write into a folder that holds other things, or over another file
+    /// Write into a folder with other contents, or overwrite another file
     #[arg(long)]
     force: bool,
 
-    /// Print the summary as JSON
+    /// Print the summary as JSON instead of tables
     #[arg(long)]
     json: bool,
 }
 
-/// Published protocols on the command line.
+/// Names of protocols.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ProtocolName {
-    /// StyleLight (Wang et al. 2022): one crop of 60 degrees, three spheres under tone-mapped panoramas
+    /// StyleLight (Wang et al. 2022): one crop of 60 degrees per panorama, three spheres under tone-mapped panoramas
     ThreeSpheres,
-    /// Editable indoor lighting (Weber et al. 2022): ten crops of 50 degrees, nine diffuse spheres on a plane
+    /// Editable indoor lighting (Weber et al. 2022): ten crops of 50 degrees per panorama, nine diffuse spheres on a
+    /// plane
     SphereArray,
-    /// Spheres and a pole in generated rooms, their light and shadows against path tracing; half a minute a room
+    /// Spheres and a pole in generated rooms: shading and shadows against path tracing; about 30 seconds per room
     Insertion,
 }
 
 impl ProtocolName {
-    /// The protocols of panoramas.
-    fn of_panoramas(self) -> Option<Protocol> {
+    /// Returns the published protocol, if it is one.
+    fn published(self) -> Option<Protocol> {
         match self {
             Self::ThreeSpheres => Some(Protocol::ThreeSpheres),
             Self::SphereArray => Some(Protocol::SphereArray),
@@ -138,18 +161,21 @@ impl ProtocolName {
 const COMMAND: &str = "eval";
 const MANIFEST: &str = "summary.json";
 
-/// Rooms of the protocol insertion where no number is given.
+/// Default number of rooms of the protocol insertion.
 const INSERTION_ROOMS: usize = 60;
 
-/// The methods of these names.
-fn named<T: Copy>(names: &[String], all: &[T], name: impl Fn(T) -> &'static str) -> Result<Vec<T>, Usage> {
-    let of_name = |wanted: &String| {
+/// Finds methods by name.
+///
+/// # Errors
+/// Unknown names; the message lists all methods.
+fn methods_by_name<T: Copy>(names: &[String], all: &[T], name: impl Fn(T) -> &'static str) -> Result<Vec<T>, Usage> {
+    let find = |wanted: &String| {
         all.iter().copied().find(|&method| name(method) == wanted).ok_or_else(|| {
-            let known: Vec<&str> = all.iter().map(|&method| name(method)).collect();
-            Usage(format!("--methods: no method {wanted}; there are {}", known.join(", ")))
+            let available: Vec<&str> = all.iter().map(|&method| name(method)).collect();
+            Usage(format!("--methods: unknown method \"{wanted}\"; available: {}", available.join(", ")))
         })
     };
-    names.iter().map(of_name).collect()
+    names.iter().map(find).collect()
 }
 
 fn methods(args: &Args) -> Result<Vec<Method>, Usage> {
@@ -159,15 +185,15 @@ fn methods(args: &Args) -> Result<Vec<Method>, Usage> {
         .chain(Method::WITH_DETAIL)
         .chain(Method::WITH_PANORAMA)
         .collect();
-    named(&args.methods, &all, Method::name)
+    methods_by_name(&args.methods, &all, Method::name)
 }
 
-/// Evaluates, or makes a profile.
+/// Runs the evaluation, or computes a profile.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let Some(path) = &args.make_profile {
         return make_profile(global, args, path);
     }
-    let folder = args.output.as_deref().ok_or_else(|| Usage("--output DIR is missing".into()))?;
+    let folder = args.output.as_deref().ok_or_else(|| Usage("--output DIR is required".into()))?;
     let profile = args.profile.as_deref().map(read_profile).transpose()?;
     let has_networks = args.weights.is_some() || cfg!(feature = "weights");
     let estimator = if has_networks {
@@ -189,14 +215,14 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         let evaluation = insertion(global, args, tools)?;
         output::prepare_folder(folder, MANIFEST, COMMAND, args.force)?;
         let mut bar = StageBar::new(global.quiet);
-        evaluation.run(rows, &mut |event| bar.hear(event))
+        evaluation.run(rows, &mut |event| bar.handle(event))
     } else {
         let methods = methods(args)?;
         check_tools(&methods, &tools)?;
         let evaluation = Evaluation::open(&photos(global, args, args.split)?, &methods, tools).map_err(usage)?;
         output::prepare_folder(folder, MANIFEST, COMMAND, args.force)?;
         let mut bar = StageBar::new(global.quiet);
-        evaluation.run(rows, args.walks as usize, &mut |event| bar.hear(event))
+        evaluation.run(rows, args.walks as usize, &mut |event| bar.handle(event))
     };
     write(args, folder, &report)?;
     let Report { photos: done, asked, .. } = report;
@@ -211,18 +237,18 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         return Err(error).with_context(|| format!("after {done} of {asked} photos"));
     }
     if done < asked {
-        anyhow::bail!("stopped after {done} of {asked} photos; {} holds their figures", folder.display());
+        anyhow::bail!("stopped after {done} of {asked} photos; {} has their figures", folder.display());
     }
     Ok(())
 }
 
-fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<Photos> {
+fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<PhotoSelection> {
     let mut crops = CropModel { crops: args.crops, seed: global.seed, ..CropModel::default() };
     crops.hfov_deg = args.hfov_deg.try_into()?;
-    Ok(Photos {
+    Ok(PhotoSelection {
         dataset: args.dataset.clone(),
         layout: args.layout.map(Into::into),
-        protocol: args.protocol.and_then(ProtocolName::of_panoramas),
+        protocol: args.protocol.and_then(ProtocolName::published),
         crops,
         plans: args.plans.clone(),
         part: part.part(),
@@ -230,22 +256,22 @@ fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<Photo
     })
 }
 
-/// Objects in the rooms of a configuration.
+/// Prepares the protocol insertion in the rooms of a configuration.
 fn insertion<'a>(global: &Global, args: &Args, tools: Tools<'a>) -> anyhow::Result<InsertionEvaluation<'a>> {
-    let methods = named(&args.methods, &InsertionMethod::ALL, InsertionMethod::name)?;
+    let methods = methods_by_name(&args.methods, &InsertionMethod::ALL, InsertionMethod::name)?;
     if tools.estimator.networks().is_none() {
-        return Err(Usage("the protocol insertion needs --weights FILE".into()).into());
+        return Err(Usage("the protocol insertion requires --weights FILE".into()).into());
     }
     let config: GeneratorConfig = config::read(&args.dataset)?;
     let generator = Generator::new(global.seed, config).map_err(|error| Usage(error.to_string()))?;
     let rooms = args.samples.map_or(INSERTION_ROOMS, |rooms| rooms as usize);
     let evaluation = InsertionEvaluation::new(generator, global.seed, rooms, &methods, tools, Quality::Normal)?;
     let Some(folder) = &args.truths else { return Ok(evaluation) };
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    Ok(evaluation.keeping_truths(folder.clone()))
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    Ok(evaluation.with_truth_cache(folder.clone()))
 }
 
-/// What the user can help by other options.
+/// Marks errors that other options can solve as usage errors.
 fn usage(error: EvalError) -> anyhow::Error {
     match error {
         EvalError::NoPhotos { .. } => Usage(format!("{error}; see --split")).into(),
@@ -253,13 +279,13 @@ fn usage(error: EvalError) -> anyhow::Error {
     }
 }
 
-/// Whether all methods that were asked for have what they need.
+/// Checks that the tools suffice for all requested methods.
 fn check_tools(methods: &[Method], tools: &Tools) -> Result<(), Usage> {
     let lacking = methods.iter().find(|method| !method.has_tools(tools));
     lacking.map_or(Ok(()), |method| {
         let is_profile = matches!(method, Method::Profile | Method::FixedShape);
-        let needed = if is_profile { "--profile FILE.json" } else { "--weights FILE" };
-        Err(Usage(format!("the method {} needs {needed}", method.name())))
+        let option = if is_profile { "--profile FILE.json" } else { "--weights FILE" };
+        Err(Usage(format!("the method {} requires {option}", method.name())))
     })
 }
 
@@ -297,7 +323,7 @@ fn make_profile(global: &Global, args: &Args, path: &Path) -> anyhow::Result<()>
     let (dataset, indices) = photos(global, args, SplitName::Train)?.open().map_err(usage)?;
     let name = args.dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let mut bar = StageBar::new(global.quiet);
-    let profile = Profile::of(dataset.as_ref(), &indices, &name, &mut |event| bar.hear(event));
+    let profile = Profile::from_dataset(dataset.as_ref(), &indices, &name, &mut |event| bar.handle(event));
     drop(bar);
     let profile = profile.map_err(|error| match error {
         ProfileError::Cancelled(_) => anyhow::anyhow!("stopped; no profile was written"),

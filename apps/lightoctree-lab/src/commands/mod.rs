@@ -1,4 +1,4 @@
-//! One module per command: its options, and what it does with the libraries.
+//! Commands: one module for each, with its options and implementation.
 
 pub mod bench;
 pub mod dataset;

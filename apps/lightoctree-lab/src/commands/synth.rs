@@ -1,4 +1,4 @@
-//! `lightoctree-lab synth`: procedural rooms with global light, as shards.
+//! `lightoctree-lab synth`: generates procedural rooms with global illumination, as shards.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -27,53 +27,57 @@ use crate::stage_bar::StageBar;
     lightoctree-lab synth --scenes 8000 --seed 300 --config configs/photos.toml --pictures pictures -o photos\n  \
     lightoctree-lab synth --print-config > rooms.toml\n  \
     lightoctree-lab synth --glb 7 --seed 1 -o room.glb\n\n\
-    Run the same command again after it was stopped, or with more --scenes: finished shards are kept. The rooms depend on the seed and the \
-    configuration alone, \
-    not on --shard or --threads. Shards are WebDataset archives; docs/data.md describes them.")]
+    To resume a stopped run, or to add rooms with a larger --scenes, run the same command again: finished shards are \
+    kept. Rooms depend only on the seed and the configuration, not on --shard or --threads. Shards are WebDataset \
+    archives; docs/data.md describes them.")]
 pub struct Args {
-    /// How many rooms
+    /// Number of rooms to generate
     #[arg(long, value_name = "N", required_unless_present_any = ["print_config", "glb"],
         value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     scenes: Option<u32>,
 
-    /// Make only part I of N, counted from 1: every N-th shard
+    /// Generate only part I of N, counted from 1: every N-th shard; for several machines or cluster jobs
     #[arg(long, value_name = "I/N", default_value = "1/1", value_parser = parse::part)]
     shard: [u32; 2],
 
-    /// Make only the rooms of this part of the data, e.g. to evaluate on what trained weights have not seen
+    /// Generate only the rooms of this part, e.g. validation, to evaluate on rooms not used for training
     #[arg(long, value_name = "PART", default_value = "all")]
     split: SplitName,
 
-    /// Rooms in a shard
+    /// Rooms per shard
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     scenes_per_shard: u32,
 
-    /// What rooms, cameras and sensors are like: TOML with the fields that --print-config shows, as many as differ
+    /// Configuration of rooms, cameras and sensors: TOML with the fields of --print-config that differ from the
+    /// defaults
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
 
-    /// A folder of pictures for posters, screens and covers: photos, and equirectangular .hdr or .exr of which views are cut; repeatable
+    /// Folder of images for posters, screens and book covers; repeatable
+    ///
+    /// Photos are used as they are. Equirectangular .hdr and .exr panoramas are cropped to views.
     #[arg(long, value_name = "DIR")]
     pictures: Vec<PathBuf>,
 
-    /// Depth of the octree that the surface points are made for
+    /// Octree depth to generate enough surface points for [default: octree_depth of the configuration]
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(1..=10))]
     octree_depth: Option<u32>,
 
-    /// Print the configuration with all of its fields and stop
+    /// Print the configuration with all fields, and exit
     #[arg(long)]
     print_config: bool,
 
-    /// Write this room alone, counted from 0, as glTF: a mesh per object, materials, lamps, sky, sun and the photos' cameras. --output then
-    /// names a .glb file
+    /// Write only this room, counted from 0, as glTF; --output is then a .glb file
+    ///
+    /// The file contains a mesh per object, materials, lamps, sky, sun and the cameras of the photos.
     #[arg(long, value_name = "ROOM", conflicts_with_all = ["scenes", "shard"])]
     glb: Option<u32>,
 
-    /// The folder to write into
+    /// Output folder
     #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
     output: Option<PathBuf>,
 
-    /// Write into a folder that holds other things; shards of another seed or configuration there are removed
+    /// Write into a folder with other contents, and delete shards of another seed or configuration there
     #[arg(long)]
     force: bool,
 
@@ -83,10 +87,10 @@ pub struct Args {
 }
 
 const COMMAND: &str = "synth";
-/// Shards begin with this name.
+/// Prefix of the shards' file names.
 const PREFIX: &str = "rooms";
 
-/// Makes the shards of this part that are not there yet.
+/// Generates the missing shards of this part.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let config = read_config(args)?;
     if let (Some(room), Some(path)) = (args.glb, &args.output) {
@@ -101,19 +105,19 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let rooms: Vec<u64> = (0..scenes.into()).filter(wanted).collect();
     let per_shard = args.scenes_per_shard as usize;
     if rooms.is_empty() {
-        return Err(Usage(format!("none of {scenes} rooms is in that part; see --split")).into());
+        return Err(Usage(format!("none of the {scenes} rooms is in the selected part; see --split")).into());
     }
     let manifest = manifest(global, args, scenes, &config)?;
     let full = |scenes| (0..scenes).filter(wanted).count() / per_shard;
     ShardFolder::grow(folder, PREFIX, &signed(COMMAND, manifest.clone()), "scenes", full)?;
     let shards = shard_folder(folder, PREFIX, COMMAND, manifest, args.force)?;
 
-    crate::memory::keep_what_is_freed();
+    crate::memory::retain_freed_memory();
     let begun = std::time::Instant::now();
     let [number, of] = args.shard;
     let part = ShardPart { first: number as usize - 1, of: of as usize };
     let mut bar = StageBar::new(global.quiet);
-    let count = generate_shards(&shards, &generator, &rooms, per_shard, part, &mut |event| bar.hear(event))?;
+    let count = generate_shards(&shards, &generator, &rooms, per_shard, part, &mut |event| bar.handle(event))?;
     drop(bar);
     let ShardCount { all: mine, there: done, written } = count;
     if args.json {
@@ -125,10 +129,10 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         }))?;
     } else {
         let (shown, took) = (folder.display(), seconds(begun.elapsed()));
-        report::print(&format!("{shown}  {written} shards written, {done} of {mine} there, {took}"));
+        report::print(&format!("{shown}  {written} shards written, {done} of {mine} complete, {took}"));
     }
     if done < mine {
-        anyhow::bail!("stopped after {done} of {mine} shards; the same command goes on");
+        anyhow::bail!("stopped after {done} of {mine} shards; run the same command again to continue");
     }
     Ok(())
 }
@@ -165,7 +169,7 @@ fn read_config(args: &Args) -> anyhow::Result<GeneratorConfig> {
     Ok(config)
 }
 
-/// Everything that the shards' bytes depend on.
+/// Returns everything that the shards' contents depend on.
 fn manifest(global: &Global, args: &Args, scenes: u32, config: &GeneratorConfig) -> anyhow::Result<Value> {
     Ok(json!({
         "format_version": FORMAT_VERSION,

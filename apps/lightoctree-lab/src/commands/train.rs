@@ -1,4 +1,4 @@
-//! `lightoctree-lab train`: the networks, from rooms with known light.
+//! `lightoctree-lab train`: trains the networks.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use lightoctree_cli::args::Global;
 use lightoctree_cli::progress::{bar, seconds, stage_label, warning_text};
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{interrupt, output, report};
-use lo_train::{CHECKPOINT_FILE, Request, Start, TrainConfig, TrainError};
+use lo_train::{CHECKPOINT_FILE, InitialWeights, TrainConfig, TrainError, TrainRequest};
 
 use crate::config;
 
@@ -21,47 +21,52 @@ use crate::config;
     lightoctree-lab train --resume -o run\n  \
     lightoctree-lab train --print-config > mine.toml\n  \
     lightoctree estimate photo.jpg --completion network --weights run/weights.safetensors -o room.scene\n\n\
-    The folder holds config.toml, checkpoint.safetensors (all that is needed to go on), weights.safetensors (what `estimate` takes), \
-    log.jsonl and sheet.png (held-out photos; predicted and true panorama, depth and octree). Files are replaced, not piled up. Ctrl-C writes a \
-    checkpoint and stops; a run that was killed loses what came after its last checkpoint, and --resume computes the same again.")]
+    Files in the output folder:\n  \
+    config.toml             the configuration\n  \
+    checkpoint.safetensors  complete training state, for --resume\n  \
+    weights.safetensors     averaged weights, for `lightoctree estimate --weights`\n  \
+    log.jsonl               losses and validation figures, one JSON object per line\n  \
+    sheet.png               held-out photos: predicted and true panorama, depth and octree\n\n\
+    Ctrl-C writes a checkpoint and stops. If the process is killed, the steps since the last checkpoint are lost; \
+    --resume computes the same weights again.")]
 pub struct Args {
-    /// What is trained, on what and how long: TOML with the fields that --print-config shows, as many as differ
+    /// Configuration of data, networks and phases: TOML with the fields of --print-config that differ from the defaults
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
 
-    /// The folder of training data, instead of the configuration's
+    /// Dataset folder; overrides data.folder of the configuration
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
 
-    /// Trained weights to begin with, as `estimate --weights` takes them
+    /// Start from trained weights of all networks, in the format of `lightoctree estimate --weights`
     #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "depth_weights", "encoder_weights"])]
     weights: Option<PathBuf>,
 
-    /// Trained weights whose depth network is kept: depth phases are left out, and the light network begins at random
+    /// Start from the depth network of trained weights, skip the depth phases, and train the light network from scratch
     #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "encoder_weights"])]
     depth_weights: Option<PathBuf>,
 
-    /// Published weights of the encoder to begin with: .pth, or .safetensors with the same names
+    /// Start from published encoder weights: a .pth file, or .safetensors with the same tensor names
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     encoder_weights: Option<PathBuf>,
 
-    /// Go on from the folder's checkpoint, with the configuration there or that of --config
+    /// Continue from the checkpoint in the output folder, with its configuration or that of --config
     #[arg(long)]
     resume: bool,
 
-    /// Print the configuration with all of its fields and stop
+    /// Print the configuration with all fields, and exit
     #[arg(long)]
     print_config: bool,
 
-    /// The run's folder
+    /// Output folder of the run
     #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
     output: Option<PathBuf>,
 
-    /// Begin a new run in a folder that holds another one, or other things
+    /// Start a new run in a folder that contains another run or other files
     #[arg(long, conflicts_with = "resume")]
     force: bool,
 
-    /// Print how the run ended as JSON
+    /// Print a summary as JSON: completion, steps and the last validation
     #[arg(long)]
     json: bool,
 }
@@ -69,63 +74,63 @@ pub struct Args {
 const COMMAND: &str = "train";
 const CONFIG: &str = "config.toml";
 
-/// Trains until all phases are done or Ctrl-C is pressed.
+/// Trains until all phases are complete or Ctrl-C is pressed.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let Some(folder) = args.output.as_deref().filter(|_| !args.print_config) else {
         report::print(config::text(&read_config(args, None)?)?.trim_end());
         return Ok(());
     };
     if args.resume && !folder.join(CHECKPOINT_FILE).exists() {
-        return Err(Usage(format!("{} holds no {CHECKPOINT_FILE} to go on from", folder.display())).into());
+        return Err(Usage(format!("{} has no {CHECKPOINT_FILE} to resume from", folder.display())).into());
     }
     let config = read_config(args, args.resume.then_some(folder))?;
     if !args.resume {
         output::prepare_folder(folder, CONFIG, COMMAND, args.force)?;
         if folder.join(CHECKPOINT_FILE).exists() && !args.force {
-            let told = "go on with --resume, or begin anew with --force";
-            return Err(Usage(format!("{} holds a run: {told}", folder.display())).into());
+            let hint = "continue it with --resume, or replace it with --force";
+            return Err(Usage(format!("{} contains a run: {hint}", folder.display())).into());
         }
     }
     write_config(&folder.join(CONFIG), &config)?;
-    crate::memory::keep_what_is_freed();
-    let request = Request {
+    crate::memory::retain_freed_memory();
+    let request = TrainRequest {
         folder,
         resume: args.resume,
         seed: global.seed,
         start: match (&args.weights, &args.depth_weights, &args.encoder_weights) {
-            (Some(file), ..) => Start::Networks(file),
-            (_, Some(file), _) => Start::DepthNetwork(file),
-            (.., Some(file)) => Start::Encoder(file),
-            (None, None, None) => Start::Random,
+            (Some(file), ..) => InitialWeights::Networks(file),
+            (_, Some(file), _) => InitialWeights::DepthNetwork(file),
+            (.., Some(file)) => InitialWeights::Encoder(file),
+            (None, None, None) => InitialWeights::Random,
         },
     };
-    let mut teller = Teller { quiet: global.quiet, bar: ProgressBar::hidden(), steps: 0, last: Vec::new() };
+    let mut progress = TrainProgress { quiet: global.quiet, bar: ProgressBar::hidden(), steps: 0, last: Vec::new() };
     let outcome = lo_train::train(&config, &request, &mut |event| {
-        teller.hear(event);
+        progress.handle(event);
         if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
-    teller.bar.finish_and_clear();
+    progress.bar.finish_and_clear();
     let done = match outcome {
         Ok(()) => true,
         Err(TrainError::Cancelled(_)) => false,
         Err(error) => return Err(error.into()),
     };
     if args.json {
-        // Figures are of single precision: so many digits.
+        // Figures have single precision; converting avoids spurious digits.
         let last: serde_json::Map<_, _> =
-            teller.last.iter().map(|figure| (figure.name.to_owned(), (figure.value as f32).into())).collect();
+            progress.last.iter().map(|figure| (figure.name.to_owned(), (figure.value as f32).into())).collect();
         let last = (!last.is_empty()).then_some(last);
-        report::print_json(&serde_json::json!({ "done": done, "steps": teller.steps, "validation": last }))?;
+        report::print_json(&serde_json::json!({ "done": done, "steps": progress.steps, "validation": last }))?;
     } else {
-        report::print(&format!("{}  {} steps{}", folder.display(), teller.steps, figures(&teller.last)));
+        report::print(&format!("{}  {} steps{}", folder.display(), progress.steps, figures(&progress.last)));
     }
     if !done {
-        anyhow::bail!("stopped; `lightoctree-lab train --resume -o {}` goes on", folder.display());
+        anyhow::bail!("stopped; to continue: lightoctree-lab train --resume -o {}", folder.display());
     }
     Ok(())
 }
 
-/// The configuration of `--config`, else that of the run to go on with, else the default.
+/// Reads the configuration of `--config`, else of the run to resume, else the default.
 fn read_config(args: &Args, run: Option<&Path>) -> anyhow::Result<TrainConfig> {
     let path = args.config.clone().or_else(|| run.map(|folder| folder.join(CONFIG)));
     let mut config: TrainConfig =
@@ -149,18 +154,18 @@ fn write_config(path: &Path, config: &TrainConfig) -> anyhow::Result<()> {
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Turns what a run says into a bar and lines on stderr.
-struct Teller {
+/// Shows the events of a run as a progress bar and lines on stderr.
+struct TrainProgress {
     quiet: bool,
     bar: ProgressBar,
-    /// Steps of this call.
+    /// Steps of this invocation.
     steps: u64,
-    /// What the last validation found.
+    /// Figures of the last validation.
     last: Vec<Figure>,
 }
 
-impl Teller {
-    fn hear(&mut self, event: Event) {
+impl TrainProgress {
+    fn handle(&mut self, event: Event) {
         match event {
             Event::Begun(stage @ Stage::Training(_)) => {
                 self.bar.finish_and_clear();
@@ -168,7 +173,7 @@ impl Teller {
             }
             Event::Progress { stage: stage @ Stage::Training(_), done, total } => {
                 if self.bar.length() != Some(total) {
-                    self.say(&format!("{}: {total} steps", stage_label(&stage)));
+                    self.print(&format!("{}: {total} steps", stage_label(&stage)));
                     self.bar.set_length(total);
                     self.bar.set_position(done);
                     self.bar.reset_eta();
@@ -176,7 +181,7 @@ impl Teller {
                 self.bar.set_position(done);
             }
             Event::Figures { stage: Stage::Validation, figures: found } => {
-                self.say(&format!("held out{}", figures(&found)));
+                self.print(&format!("validation{}", figures(&found)));
                 self.last = found;
             }
             Event::Figures { figures, .. } => {
@@ -187,19 +192,19 @@ impl Teller {
             Event::Done { stage: stage @ Stage::Checkpoint, took } => {
                 tracing::debug!("{} written in {}", stage_label(&stage), seconds(took));
             }
-            Event::Warning(warning) => self.say(&format!("note: {}", warning_text(&warning, &[]))),
+            Event::Warning(warning) => self.print(&format!("note: {}", warning_text(&warning, &[]))),
             _ => {}
         }
     }
 
-    fn say(&self, text: &str) {
+    fn print(&self, text: &str) {
         if !self.quiet {
             self.bar.suspend(|| eprintln!("  {text}"));
         }
     }
 }
 
-/// What a validation found, in one line.
+/// Formats the figures of a validation as one line.
 fn figures(found: &[Figure]) -> String {
     let part = |&Figure { name, value }: &Figure| {
         let db = |what: &str| format!("  {what} {value:.2} dB");

@@ -1,4 +1,4 @@
-//! `lightoctree-lab weights`: files of weights on their way from training to use.
+//! `lightoctree-lab weights`: averages, merges and inspects weights files.
 
 use std::path::PathBuf;
 
@@ -11,58 +11,59 @@ use lo_train::weight_files;
     lightoctree-lab weights average run-1/weights.safetensors run-2/weights.safetensors -o mean.safetensors\n  \
     lightoctree-lab weights merge --depth depth/weights.safetensors --light light/weights.safetensors -o both.safetensors\n  \
     lightoctree-lab weights inspect both.safetensors\n\n\
-    All of them also take a run's checkpoint.safetensors, of which the averaged weights count. What is written holds 16 bits a weight.")]
+    All commands also accept the checkpoint.safetensors of a run and use its averaged weights. Weights are written in 16 \
+    bits.")]
 pub struct Args {
     #[command(subcommand)]
     action: Action,
 }
 
-/// What to do with files of weights.
+/// Operations on weights files.
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// Write the mean of networks of one shape, weight by weight
+    /// Average the weights of networks of the same shape
     Average {
-        /// Files of weights
+        /// Weights files or checkpoints, at least two
         #[arg(required = true, num_args = 2.., value_name = "FILE")]
         files: Vec<PathBuf>,
         #[command(flatten)]
-        to: To,
+        to: OutputFile,
     },
-    /// Write the depth network of one file and the light network of another as one file
+    /// Combine the depth network of one file with the light network of another
     Merge {
-        /// The file with the depth network
+        /// File with the depth network
         #[arg(long, value_name = "FILE")]
         depth: PathBuf,
-        /// The file with the light network
+        /// File with the light network
         #[arg(long, value_name = "FILE")]
         light: PathBuf,
         #[command(flatten)]
-        to: To,
+        to: OutputFile,
     },
-    /// Say what a file holds: SHA-256, size, number of weights, the light network's shape
+    /// Print SHA-256, size, number of weights, encoder, and shape of the light network
     Inspect {
-        /// A file of weights
+        /// Weights file or checkpoint
         file: PathBuf,
-        /// Print it as JSON
+        /// Print as JSON
         #[arg(long)]
         json: bool,
     },
 }
 
-/// The file to write.
+/// Output file.
 #[derive(Debug, clap::Args)]
-struct To {
-    /// The file to write
+struct OutputFile {
+    /// File to write
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Replace an existing file
+    /// Overwrite any existing file
     #[arg(long)]
     force: bool,
 }
 
 const COMMAND: &str = "weights";
 
-/// Averages, merges or inspects.
+/// Runs the selected operation.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     match &args.action {
         Action::Average { files, to } => {

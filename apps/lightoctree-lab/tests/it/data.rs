@@ -1,4 +1,4 @@
-//! `synth` and `dataset` as a user runs them.
+//! `synth` and `dataset` on the command line.
 
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -8,7 +8,7 @@ use lightoctree::imaging::{self, ExrOptions, Image};
 
 use crate::support::{done, json, refused};
 
-/// Two small photos and panoramas of a room, few points, coarse light: about a second a room.
+/// Rooms with two small photos, few points and coarse light: about a second per room.
 const SMALL: &str = "shots = 2\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [48, 32]\n[light]\nspacing_m = 0.5\ngather_rays = 16\nlight_rays = 4\n";
 
 #[test]
@@ -20,7 +20,7 @@ fn synth_is_resumable_and_the_same_however_it_is_split() {
     let run = |more: &[&str]| done(at, &[&common[..], more].concat());
     let summary = json(&run(&["-o", "whole", "--threads", "1", "--json"]));
     assert_eq!((summary["shards_written"].as_u64(), summary["shards_there"].as_u64()), (Some(3), Some(3)));
-    // in two parts, on other thread counts
+    // In two parts, with other numbers of threads.
     run(&["-o", "parts", "--shard", "2/2", "--threads", "2"]);
     assert!(!at.join("parts/rooms-000000.tar").exists() && at.join("parts/rooms-000001.tar").exists());
     run(&["-o", "parts", "--shard", "1/2", "--threads", "3"]);
@@ -28,7 +28,7 @@ fn synth_is_resumable_and_the_same_however_it_is_split() {
         let read = |folder: &str| std::fs::read(at.join(folder).join(shard)).unwrap();
         assert!(read("whole") == read("parts"), "{shard} differs");
     }
-    // what is there stays; what is missing is made
+    // Existing shards are kept, missing ones are generated.
     let first = at.join("whole/rooms-000000.tar");
     let written = std::fs::metadata(&first).unwrap().modified().unwrap();
     std::fs::remove_file(at.join("whole/rooms-000002.tar")).unwrap();
@@ -39,7 +39,7 @@ fn synth_is_resumable_and_the_same_however_it_is_split() {
         refused(at, 2, &["synth", "--scenes", "3", "--scenes-per-shard", "1", "--config", "small.toml", "-o", "whole"]);
     assert_eq!(other, "error: whole was begun with another seed; repeat that command, or choose another folder\n");
 
-    // of more rooms: the first stay
+    // With more rooms, the first shards are kept.
     std::fs::create_dir(at.join("grown")).unwrap();
     let text = std::fs::read_to_string(at.join("whole/manifest.json")).unwrap();
     std::fs::write(at.join("grown/manifest.json"), text.replace("\"scenes\": 3", "\"scenes\": 2")).unwrap();
@@ -55,14 +55,14 @@ fn synth_is_resumable_and_the_same_however_it_is_split() {
     let fewer = refused(at, 2, &[&common[..2], &["2"], &common[3..], &["-o", "grown"]].concat());
     assert_eq!(fewer, "error: grown was begun with another scenes; repeat that command, or choose another folder\n");
 
-    // one part of the data: of these three rooms the middle one is held out
+    // One part of the data: of these three rooms, the second is held out.
     let summary = json(&run(&["-o", "held-out", "--split", "validation", "--json"]));
     assert_eq!((summary["shards_written"].as_u64(), summary["shards_there"].as_u64()), (Some(1), Some(1)));
     let [held_out, second] =
         ["held-out/rooms-000000.tar", "whole/rooms-000001.tar"].map(|shard| std::fs::read(at.join(shard)).unwrap());
     assert!(held_out == second, "the same room as among all");
     let none = refused(at, 2, &["synth", "--scenes", "1", "--seed", "4", "--split", "validation", "-o", "none"]);
-    assert_eq!(none, "error: none of 1 rooms is in that part; see --split\n");
+    assert_eq!(none, "error: none of the 1 rooms is in the selected part; see --split\n");
 
     let found = json(&done(at, &["dataset", "inspect", "whole", "--json"]));
     assert_eq!((found["layout"].as_str(), found["samples_in_all"].as_u64()), (Some("shards"), Some(6)));
@@ -74,7 +74,7 @@ fn synth_is_resumable_and_the_same_however_it_is_split() {
         &["dataset", "preview", "whole", "--photos", "6", "--panoramas", "3", "--columns", "3", "-o", "sheet.png"],
     );
     let sheet = imaging::read_photo(at.join("sheet.png")).unwrap().photo;
-    // two rows of photos and one of panoramas
+    // Two rows of photos and one of panoramas.
     assert_eq!((sheet.width(), sheet.height()), (6 + 3 * 246, 6 + 2 * 166 + 126));
 }
 
@@ -95,7 +95,7 @@ fn panoramas_become_shards() {
     done(at, &["dataset", "inspect", "maps", "--layout", "panoramas"]);
 }
 
-/// Six small panoramas of their own light.
+/// Writes six small panoramas of different brightness.
 fn maps(folder: &Path) {
     std::fs::create_dir(folder).unwrap();
     for i in 0..6 {
@@ -105,7 +105,7 @@ fn maps(folder: &Path) {
     }
 }
 
-/// Every finished shard of a folder: name, time of the last change, content.
+/// Returns all finished shards of a folder: name, modification time, contents.
 fn shards(folder: &Path) -> Vec<(String, SystemTime, Vec<u8>)> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap().path());
     let mut found: Vec<_> = entries
@@ -138,14 +138,14 @@ fn a_conversion_that_was_killed_goes_on_where_it_stopped() {
         .spawn()
         .unwrap();
     while shards(&at.join("parts")).len() < 2 {
-        assert!(killed.try_wait().unwrap().is_none(), "it ended before two shards were there");
+        assert!(killed.try_wait().unwrap().is_none(), "the conversion ended before two shards were written");
         std::thread::sleep(Duration::from_millis(1));
     }
     killed.kill().unwrap();
     killed.wait().unwrap();
     let kept = shards(&at.join("parts"));
     assert!((2..30).contains(&kept.len()), "{} shards were finished", kept.len());
-    // a hole in the middle too, as after a lost file
+    // Also remove a finished shard, like a lost file.
     std::fs::remove_file(at.join("parts").join(&kept[0].0)).unwrap();
 
     run("parts", "3");
@@ -155,7 +155,7 @@ fn a_conversion_that_was_killed_goes_on_where_it_stopped() {
         assert_eq!(finished.1, now.1, "{} was written again", now.0);
     }
 
-    // of another dataset: refused, or begun anew
+    // Another dataset is refused, or replaces the shards with --force.
     std::fs::remove_file(at.join("maps/room0.hdr")).unwrap();
     std::fs::copy(at.join("maps/room1.hdr"), at.join("maps/room9.hdr")).unwrap();
     let message = refused(at, 2, &[&convert[..], &["parts"]].concat());

@@ -1,4 +1,5 @@
-//! Commands in documents, in `--help` and in the heads of configurations are understood by the programs, this one and `lightoctree`.
+//! Checks that commands in documents, `--help` and comments of configurations parse, for this program and
+//! `lightoctree`.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -9,14 +10,16 @@ use lightoctree_lab::cli::Cli;
 
 use crate::support::done;
 
-/// What a person gets by `cargo run` without a package, and the other.
+/// The default program of `cargo run`, and the other one.
 const PROGRAMS: [&str; 2] = ["lightoctree", "lightoctree-lab"];
 
-/// A command, where it stands, and whether all of it is there.
+/// A documented command.
 struct Command {
-    place: String,
+    /// File or help text that contains it.
+    source: String,
     words: Vec<String>,
-    /// In a code block or in `--help`; in running text values may be left out or stand for others (`--threads T`).
+    /// Whether the command is complete, as in code blocks and `--help`. In running text, values may be omitted or
+    /// placeholders (`--threads T`).
     is_whole: bool,
 }
 
@@ -69,7 +72,7 @@ fn documented_commands_that_do_not_exist_are_found() {
     );
 }
 
-/// What each configuration is for stands in the documents or in a configuration's comments: `synth` or `train`.
+/// Every configuration is used by a documented `synth` or `train` command, and parses.
 #[test]
 fn configurations_parse() {
     let folder = tempfile::tempdir().unwrap();
@@ -82,7 +85,7 @@ fn configurations_parse() {
         let name = format!("configs/{}", path.file_name().unwrap().to_string_lossy());
         let uses = commands.iter().filter(|command| command.words.contains(&name));
         let uses: BTreeSet<_> = uses.map(|command| command.words[1].as_str()).collect();
-        assert!(!uses.is_empty(), "no document tells what {name} is for");
+        assert!(!uses.is_empty(), "no documented command uses {name}");
         for command in uses {
             // `eval` takes rooms as `synth` does.
             let command = if command == "eval" { "synth" } else { command };
@@ -99,7 +102,7 @@ fn text(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap()
 }
 
-/// Files with an ending, below a folder; not those of builds.
+/// Finds files by extension below a folder, except build outputs.
 fn files(folder: &Path, end: &str) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in folder.read_dir().unwrap() {
@@ -118,27 +121,27 @@ fn files(folder: &Path, end: &str) -> Vec<PathBuf> {
     found
 }
 
-fn in_document(place: &str, document: &str) -> Vec<Command> {
+fn in_document(source: &str, document: &str) -> Vec<Command> {
     let mut commands = Vec::new();
-    // Every second part is code.
+    // Every second part is a code block.
     for (index, part) in document.split("```").enumerate() {
         if index % 2 == 1 {
-            commands.extend(in_block(place, part));
+            commands.extend(in_block(source, part));
         } else {
-            // A span may be broken over two lines.
+            // A code span may contain a line break.
             let spans = part.split('`').skip(1).step_by(2).map(|span| span.replace('\n', " "));
             for span in spans.filter(|span| PROGRAMS.iter().any(|program| span.starts_with(&format!("{program} ")))) {
-                commands.extend(split(&span).into_iter().filter_map(|words| command(place, words, false)));
+                commands.extend(split(&span).into_iter().filter_map(|words| command(source, words, false)));
             }
         }
     }
     commands
 }
 
-/// Lines of a shell, those that end in a backslash with the next.
-fn in_block(place: &str, block: &str) -> Vec<Command> {
+/// Parses shell lines; a line that ends in a backslash continues on the next.
+fn in_block(source: &str, block: &str) -> Vec<Command> {
     let lines = block.replace("\\\n", " ");
-    lines.lines().flat_map(split).filter_map(|words| command(place, words, true)).collect()
+    lines.lines().flat_map(split).filter_map(|words| command(source, words, true)).collect()
 }
 
 fn in_comments_of_configurations() -> Vec<Command> {
@@ -156,8 +159,8 @@ fn in_help(program: &clap::Command) -> Vec<Command> {
     own.into_iter().flatten().chain(program.get_subcommands().flat_map(in_help)).collect()
 }
 
-/// One of our programs' words among a shell's: after variables, or after `cargo run … --`.
-fn command(place: &str, words: Vec<String>, is_whole: bool) -> Option<Command> {
+/// Extracts a command of our programs from shell words: after variables, or after `cargo run … --`.
+fn command(source: &str, words: Vec<String>, is_whole: bool) -> Option<Command> {
     let words: Vec<_> =
         words.into_iter().skip_while(|word| word.split_once('=').is_some_and(|(name, _)| is_variable(name))).collect();
     let words = match words.first()?.as_str() {
@@ -169,19 +172,19 @@ fn command(place: &str, words: Vec<String>, is_whole: bool) -> Option<Command> {
         }
         _ => return None,
     };
-    // In running text a word in capitals stands for any command; what the shell puts in is not known.
+    // In running text, a capitalised word is a placeholder for any command; shell expansions are unknown.
     if !is_whole && words.get(1).is_some_and(|word| is_variable(word)) {
         return None;
     }
     let is_whole = is_whole && !words.iter().any(|word| word.contains('$'));
-    Some(Command { place: place.to_owned(), words, is_whole })
+    Some(Command { source: source.to_owned(), words, is_whole })
 }
 
 fn is_variable(name: &str) -> bool {
     !name.is_empty() && name.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_')
 }
 
-/// Why its program would not understand a command.
+/// Returns why the program rejects a command; `None` if it is valid.
 fn fault(command: &Command) -> Option<String> {
     let error = if command.words[0] == PROGRAMS[1] {
         Cli::try_parse_from(&command.words).err()?
@@ -201,11 +204,13 @@ fn fault(command: &Command) -> Option<String> {
         _ => is_abridged && !command.is_whole,
     };
     (!is_fine).then(|| {
-        format!("{}: `{}`: {}", command.place, command.words.join(" "), error.to_string().lines().next().unwrap_or(""))
+        format!("{}: `{}`: {}", command.source, command.words.join(" "), error.to_string().lines().next().unwrap_or(""))
     })
 }
 
-/// A shell's line as commands of words: quotes, comments, `|`, `&&`, `;`, `>` and `<` are understood, expansions left as they are.
+/// Splits a shell line into commands and words.
+///
+/// Supports quotes, comments, `|`, `&&`, `;`, `>` and `<`; expansions are kept as they are.
 fn split(line: &str) -> Vec<Vec<String>> {
     let (mut commands, mut words, mut word) = (Vec::new(), Vec::new(), None::<String>);
     let mut quote = None;
@@ -235,7 +240,7 @@ fn split(line: &str) -> Vec<Vec<String>> {
     }
     words.extend(word);
     commands.push(words);
-    // What is read and written is the shell's.
+    // Redirections belong to the shell.
     let of_program =
         |words: Vec<String>| words.into_iter().take_while(|word| word != "<" && word != ">").collect::<Vec<_>>();
     commands.into_iter().map(of_program).filter(|words| !words.is_empty()).collect()

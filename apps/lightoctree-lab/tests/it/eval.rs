@@ -1,4 +1,4 @@
-//! `eval` as a user runs it.
+//! `eval` on the command line.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use lightoctree::imaging::{self, ExrOptions, Image};
 use crate::support::weights::write_weights;
 use crate::support::{done, json, refused};
 
-/// A small photo and panoramas of a room, few points, coarse light: about a second a room.
+/// Rooms with one small photo, few points and coarse light: about a second per room.
 const SMALL: &str = "shots = 1\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [48, 32]\n[light]\nspacing_m = 0.5\ngather_rays = 16\nlight_rays = 4\n";
 
 fn rooms(at: &Path, scenes: &str, config: &str) {
@@ -43,12 +43,12 @@ fn every_method_has_its_line_and_threads_change_nothing() {
         let db = method["figures"]["psnr_db"]["mean"].as_f64().unwrap();
         assert!(db > 0.0 && method["photos"] == 2 && method["scenes"] == 2, "{method}");
     }
-    // only the networks alone have to find depth
+    // Only the network without depth input predicts depth.
     let figure = |method: usize, name: &str| methods[method]["figures"][name]["mean"].as_f64();
     assert_eq!(figure(11, "split_accuracy"), Some(1.0));
     assert!(figure(8, "depth_abs_rel").unwrap() > 0.01 && figure(10, "depth_abs_rel").unwrap() < 1e-3);
     assert!(figure(10, "split_accuracy").is_some() && figure(0, "split_accuracy").is_none());
-    assert!(figure(5, "contrast_stops") > figure(8, "contrast_stops"), "a cube has more contrast");
+    assert!(figure(5, "contrast_stops") > figure(8, "contrast_stops"), "cubed luminance has more contrast");
     let text = read("one/summary.md");
     assert!(text.contains("| true-octree | 2 |") && text.contains("### Scenes won, unseen_si_rmse"), "{text}");
     assert!(
@@ -56,14 +56,14 @@ fn every_method_has_its_line_and_threads_change_nothing() {
     );
     let sheet = imaging::read_photo(at.join("one/sheet.png")).unwrap().photo;
     assert_eq!((sheet.width(), sheet.height()), (8 + 192 + 13 * 260, 4 + 2 * 132));
-    // its own results are replaced, other things are not
+    // Previous results are replaced, other files are not.
     run(&["-o", "one", "--samples", "1", "--methods", "mirrored"]);
     assert_eq!(read("one/scenes.csv").lines().count(), 2);
     let message = refused(at, 2, &["eval", "rooms", "--split", "all", "-o", "rooms"]);
     assert!(message.contains("rooms"), "{message}");
 }
 
-/// What a user relies on when an object moves, by the weights that the program carries.
+/// Checks step sizes and parallax of a moving probe with the built-in weights.
 #[test]
 fn light_moves_as_geometry_says() {
     let folder = tempfile::tempdir().unwrap();
@@ -105,9 +105,9 @@ fn panoramas_and_published_protocols() {
     let array = run(&["array", "--protocol", "sphere-array", "--methods", "mirrored", "--samples", "2"]);
     assert_eq!(array["methods"][0]["photos"], 2);
     assert!(array["methods"][0]["figures"]["array_si_rmse"]["median"].as_f64().unwrap() > 0.0);
-    // its one scene is in the validation part
+    // The only scene is in the validation part.
     let message = refused(at, 2, &["eval", "maps", "--split", "train", "-o", "none"]);
-    assert!(message.contains("none of 4 photos is in that part; see --split"), "{message}");
+    assert!(message.contains("none of the 4 photos is in the selected part; see --split"), "{message}");
 }
 
 #[test]
@@ -118,9 +118,9 @@ fn what_is_missing_is_named() {
     std::fs::write(at.join("bad.json"), profile("[]")).unwrap();
     let refusal = |code: i32, more: &[&str]| refused(at, code, &[&["eval", "rooms", "-o", "report"], more].concat());
     let message = refusal(2, &["--methods", "profile"]);
-    assert!(message.contains("the method profile needs --profile FILE.json"), "{message}");
+    assert!(message.contains("the method profile requires --profile FILE.json"), "{message}");
     let message = refusal(2, &["--methods", "magic"]);
-    assert!(message.contains("there are mean-colour"), "{message}");
+    assert!(message.contains("available: mean-colour"), "{message}");
     let message = refusal(1, &["--profile", "bad.json"]);
     assert!(message.contains("bad.json") && message.contains("factors"), "{message}");
     let message = refusal(1, &[]);

@@ -1,4 +1,4 @@
-//! The program as a user runs it. One binary, so that it is linked once.
+//! Tests of the command line. One binary, to link only once.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod support;

@@ -1,11 +1,11 @@
-//! `train` as a user runs it, and as a machine that fails ends it.
+//! `train` on the command line, including a killed process.
 
 use std::path::Path;
 use std::time::Duration;
 
 use crate::support::{done, json, refused};
 
-/// Every stage, two steps each, on small rooms; a checkpoint after each step.
+/// Three stages of two steps each on small rooms, with a checkpoint after each step.
 const SMALL: &str = r#"
 checkpoint_minutes = 0.0
 encoder = "efficientnet-lite0"
@@ -72,7 +72,7 @@ fn a_killed_run_goes_on_to_the_bit() {
         .spawn()
         .unwrap();
     while total_steps(&at.join("parts")).is_none_or(|steps| steps < 3) {
-        assert!(killed.try_wait().unwrap().is_none(), "it ended before three steps were made");
+        assert!(killed.try_wait().unwrap().is_none(), "training ended before three steps were done");
         std::thread::sleep(Duration::from_millis(2));
     }
     // SIGKILL
@@ -80,7 +80,7 @@ fn a_killed_run_goes_on_to_the_bit() {
     killed.wait().unwrap();
     assert!(total_steps(&at.join("parts")).unwrap() < 6);
     let message = refused(at, 2, &[&begin[..], &["parts"]].concat());
-    assert!(message.contains("parts holds a run: go on with --resume"), "{message}");
+    assert!(message.contains("parts contains a run: continue it with --resume"), "{message}");
     done(at, &["train", "--resume", "--threads", "1", "-o", "parts"]);
     let read = |folder: &str, file: &str| std::fs::read(at.join(folder).join(file)).unwrap();
     for file in ["weights.safetensors", "config.toml"] {
@@ -88,12 +88,12 @@ fn a_killed_run_goes_on_to_the_bit() {
     }
 }
 
-/// The figures on held-out photos are those that `eval` reports for the weights: of estimates as they are used, weighted alike.
+/// Validation in training reports the same figures as `eval` for the exported weights.
 #[test]
 fn training_validates_what_evaluation_reports() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    // of the two rooms the second is held out
+    // Of the two rooms, the second is held out.
     std::fs::write(at.join("rooms.toml"), ROOMS).unwrap();
     done(at, &["synth", "--scenes", "2", "--config", "rooms.toml", "--seed", "4", "-o", "rooms"]);
     std::fs::write(at.join("small.toml"), SMALL.replace("photos = 0", "photos = 1")).unwrap();
@@ -107,10 +107,10 @@ fn training_validates_what_evaluation_reports() {
         ("depth_abs_rel", 2, "depth_abs_rel"),
         ("depth_delta1", 2, "depth_delta1"),
     ];
-    for (mine, method, other) in pairs {
-        let validated = trained["validation"][mine].as_f64().unwrap();
-        let reported = evaluated["methods"][method]["figures"][other]["mean"].as_f64().unwrap();
-        assert!((validated - reported).abs() < 1e-3, "{mine}: {validated} in training, {reported} in evaluation");
+    for (validation, method, evaluation) in pairs {
+        let validated = trained["validation"][validation].as_f64().unwrap();
+        let reported = evaluated["methods"][method]["figures"][evaluation]["mean"].as_f64().unwrap();
+        assert!((validated - reported).abs() < 1e-3, "{validation}: {validated} in training, {reported} in evaluation");
     }
 }
 
@@ -124,9 +124,9 @@ fn configurations_are_printed_and_checked() {
     assert_eq!(done(at, &["train", "--print-config", "--config", "all.toml"]), config);
     std::fs::write(at.join("bad.toml"), "[[light]]\nsensor_share = 2.0").unwrap();
     let message = refused(at, 2, &["train", "--config", "bad.toml", "-o", "run"]);
-    assert_eq!(message, "error: bad.toml: light: sensor_share is 2; it must lie in 0 to 1\n");
+    assert_eq!(message, "error: bad.toml: light: sensor_share is 2; it must be between 0 and 1\n");
     let message = refused(at, 2, &["train", "--resume", "-o", "run"]);
-    assert_eq!(message, "error: run holds no checkpoint.safetensors to go on from\n");
+    assert_eq!(message, "error: run has no checkpoint.safetensors to resume from\n");
     let message = refused(at, 1, &["train", "--data", "nowhere", "-o", "run"]);
     assert!(message.contains("nowhere"), "{message}");
 }

@@ -1,4 +1,4 @@
-//! Panoramas from the photo alone, without any notion of a room: what a method must beat.
+//! Baselines: panoramas from the photo alone, without a model of the room.
 
 use lo_dataset::Sample;
 use lo_geometry::{Vec2, Vec3, direction_from_uv, pixel_direction};
@@ -7,16 +7,16 @@ use lo_metrics::solid_angles_sr;
 
 use crate::profile::{Profile, mean_colour};
 
-/// Size of the panoramas that baselines give.
+/// Size of the baselines' panoramas.
 pub(crate) const MAP: [usize; 2] = [256, 128];
 
-/// The photo's mean colour in all directions.
+/// Returns the photo's mean colour in all directions.
 pub(crate) fn mean_colour_map(sample: &Sample) -> RadianceImage {
     let [width, height] = MAP;
     RadianceImage::new(width, height, vec![mean_colour(sample); width * height])
 }
 
-/// The profile times the photo's mean colour, about the room's true vertical where it is known, else the photo's own.
+/// Returns the profile times the photo's mean colour, about the true up vector if known, else the photo's.
 pub(crate) fn profile_map(sample: &Sample, profile: &Profile) -> RadianceImage {
     let [width, height] = MAP;
     let (mean, up) = (mean_colour(sample), sample.up.unwrap_or(Vec3::Y));
@@ -26,10 +26,9 @@ pub(crate) fn profile_map(sample: &Sample, profile: &Profile) -> RadianceImage {
     })
 }
 
-/// The linear profile times the photo's mean luminance, with half of its mean colour's chroma; about the vertical that
-/// [`profile_map`] takes.
+/// Returns the linear profile times the photo's mean luminance, with half the chroma of its mean colour.
 ///
-/// `None` where the profile is of logarithms alone.
+/// Uses the up vector of [`profile_map`]. `None` if the profile has no linear factors.
 pub(crate) fn fixed_shape_map(sample: &Sample, profile: &Profile) -> Option<RadianceImage> {
     let [width, height] = MAP;
     let (mean, up) = (mean_colour(sample), sample.up.unwrap_or(Vec3::Y));
@@ -41,19 +40,19 @@ pub(crate) fn fixed_shape_map(sample: &Sample, profile: &Profile) -> Option<Radi
     }))
 }
 
-/// Least radiance, and ratio of a channel to luminance, that has a root and a cube.
-const LEAST: f32 = 1e-6;
+/// Lower limit of radiance, and of a channel over luminance, before roots and cubes.
+const MIN_VALUE: f32 = 1e-6;
 
-/// Half of a colour's chroma, as an exponent, with luminance 1: the channels over luminance to the power of 1/2.
+/// Halves the chroma of a colour in log space, at luminance 1: square roots of the channels over luminance.
 fn half_chroma(rgb: [f32; 3]) -> [f32; 3] {
-    let of = luminance(rgb).max(f32::MIN_POSITIVE);
-    let root = rgb.map(|v| (v / of).max(LEAST).sqrt());
+    let whole = luminance(rgb).max(f32::MIN_POSITIVE);
+    let root = rgb.map(|v| (v / whole).max(MIN_VALUE).sqrt());
     root.map(|v| v / luminance(root))
 }
 
-/// A panorama with its luminance cubed, ∫ L dω as before, and half of its chroma.
+/// Cubes the luminance of a panorama at constant ∫ L dω, and halves its chroma.
 pub(crate) fn cubed(panorama: &RadianceImage) -> RadianceImage {
-    let light = |rgb: &[f32; 3]| f64::from(luminance(rgb.map(|v| v.max(LEAST))));
+    let light = |rgb: &[f32; 3]| f64::from(luminance(rgb.map(|v| v.max(MIN_VALUE))));
     let angles = solid_angles_sr(panorama.width(), panorama.height());
     let power = |exponent: i32| -> f64 {
         panorama.pixels().iter().zip(&angles).map(|(rgb, &angle)| light(rgb).powi(exponent) * f64::from(angle)).sum()
@@ -61,11 +60,11 @@ pub(crate) fn cubed(panorama: &RadianceImage) -> RadianceImage {
     let gain = power(1) / power(3);
     panorama.map(|rgb| {
         let cube = (gain * light(rgb).powi(3)) as f32;
-        half_chroma(rgb.map(|v| v.max(LEAST))).map(|v| v * cube)
+        half_chroma(rgb.map(|v| v.max(MIN_VALUE))).map(|v| v * cube)
     })
 }
 
-/// The photo mirrored at its edges again and again, in angles, until the sphere is full; inside of the photo it is the photo.
+/// Fills the sphere by mirroring the photo repeatedly at its edges, in angles.
 pub(crate) fn mirrored_map(sample: &Sample) -> RadianceImage {
     let camera = &sample.camera;
     let half = [
@@ -74,7 +73,7 @@ pub(crate) fn mirrored_map(sample: &Sample) -> RadianceImage {
     ]
     .map(|tangent| tangent.atan() as f32);
     let linear = sample.photo.map(|rgb| rgb.map(linear_from_srgb8));
-    // four samples a pixel, then their mean
+    // Supersampled by 2 × 2.
     let [width, height] = MAP.map(|size| 2 * size);
     let map = RadianceImage::from_fn(width, height, |x, y| {
         let uv = Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
@@ -92,7 +91,7 @@ pub(crate) fn mirrored_map(sample: &Sample) -> RadianceImage {
     resize_equirectangular(&map, MAP[0], MAP[1])
 }
 
-/// An angle mirrored at ± `half` until it lies between.
+/// Folds an angle into ± `half` (a triangle wave).
 fn folded(angle: f32, half: f32) -> f32 {
     let turned = (angle + half).rem_euclid(4.0 * half);
     if turned <= 2.0 * half { turned - half } else { 3.0 * half - turned }
@@ -108,7 +107,7 @@ mod tests {
     #[test]
     fn the_photo_is_where_it_was_and_its_mirror_beside_it() {
         let mut sample = testing::sample();
-        // red grows to the right, green downwards
+        // Red increases to the right, green downwards.
         sample.photo = Image::from_fn(96, 64, |x, y| [(2 * x) as u8, (3 * y) as u8, 0]);
         let map = mirrored_map(&sample);
         let camera = sample.camera;
@@ -118,7 +117,7 @@ mod tests {
             let expected = sample.photo[(x, y)].map(linear_from_srgb8);
             assert!((0..3).all(|c| (got[c] - expected[c]).abs() < 0.03), "{x}, {y}: {got:?} {expected:?}");
         }
-        // on the horizon: the mirror of the right edge at 32.5° is at the same angle on both sides
+        // The right edge at 32.5° is the mirror axis.
         let (inside, outside) = (column_at(&map, 26.0), column_at(&map, 39.0));
         assert!((inside[0] - outside[0]).abs() < 0.03, "{inside:?} {outside:?}");
     }
@@ -132,7 +131,7 @@ mod tests {
         let (dim, bright) = ([0.4, 0.1, 0.1], [1.6, 0.4, 0.4]);
         let map = RadianceImage::from_fn(64, 32, |x, _| if x < 32 { dim } else { bright });
         let got = cubed(&map);
-        // Luminances 1 and 4 in some unit become 1 and 64, times 5 / 65.
+        // Relative luminances 1 and 4 become 1 and 64, times 5 / 65.
         let expected = [5.0 / 65.0, 64.0 * 5.0 / 65.0].map(|v| v * luminance(dim));
         for (x, expected) in [(3, expected[0]), (40, expected[1])] {
             let rgb = got[(x, 9)];

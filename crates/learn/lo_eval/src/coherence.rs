@@ -1,19 +1,24 @@
-//! The spatial coherence metric of the paper.
+//! The paper's spatial coherence metric.
 
 use lo_dataset::NovelView;
 use lo_imaging::{DepthMap, RadianceImage};
 use lo_metrics::solid_angles_sr;
 
-/// The paper's α. It states none; with depth from 0 to 1, the weight of the sharpest depth edge is e^2.
+/// The paper's α, which it does not state. With depth from 0 to 1, the sharpest depth edge has the weight e².
 const ALPHA: f64 = 1.0;
 
-/// `L_SC = (1/N) Σ |L̃ − L| ⊙ exp(α ‖∇D‖₁)` over the N panoramas of one scene (`docs/method.md` §9): errors at depth edges, where light changes as the probe
-/// moves, count for more. `None` where no panorama has depth.
+/// Returns `L_SC = (1/N) Σ |L̃ − L| ⊙ exp(α ‖∇D‖₁)` over the N panoramas of one scene (`docs/method.md` §9).
 ///
-/// What the paper leaves open is decided so: `L` is `ln(1 + radiance)`, as in its losses; the mean is over pixels, weighted by solid angle, and over
-/// channels, then over the panoramas; `D` is the true distance from the probe over its largest value in that panorama, the open sky counting
-/// as that far; `∇` is the difference to the next pixel to the right (around the seam) and below; α = 1; weights are not
-/// normalised. Its figures (0.23 to 0.29, on FutureHouse) can hence not be compared with ours, only methods with each other.
+/// Errors at depth edges, where light changes as the probe moves, have more weight. `None` if no panorama has depth.
+///
+/// The paper leaves open the following choices:
+/// - `L` is `ln(1 + radiance)`, as in its losses.
+/// - The mean is over pixels by solid angle, over channels, then over panoramas. Weights are not normalised.
+/// - `D` is the true distance divided by its maximum in the panorama; pixels without a reading (sky) count as 1.
+/// - `∇` is the difference to the next pixel to the right (wrapping around) and below.
+/// - α = 1.
+///
+/// The figures are therefore not comparable with the paper's (0.23 to 0.29 on FutureHouse), only among methods.
 pub fn coherence<'a>(pairs: impl IntoIterator<Item = (&'a NovelView, &'a RadianceImage)>) -> Option<f64> {
     let errors: Vec<f64> = pairs
         .into_iter()
@@ -22,6 +27,7 @@ pub fn coherence<'a>(pairs: impl IntoIterator<Item = (&'a NovelView, &'a Radianc
     (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64)
 }
 
+/// Returns the metric of one panorama.
 fn weighted_error(truth: &RadianceImage, got: &RadianceImage, depth_m: &DepthMap) -> f64 {
     let (width, height) = (truth.width(), truth.height());
     let reading = |z: &f32| z.is_finite() && *z > 0.0;
@@ -53,7 +59,7 @@ mod tests {
     #[test]
     fn closed_form() {
         let e = std::f32::consts::E;
-        // ln(1 + L) is 1 everywhere, the estimate is black; one half of the sphere is twice as far as the other
+        // ln(1 + L) is 1 everywhere, the estimate is black; one half of the sphere is twice as far as the other.
         let (width, height) = (16, 8);
         let depth_m = DepthMap::from_fn(width, height, |x, _| if x < width / 2 { 1.0 } else { 2.0 });
         let view = NovelView {
@@ -63,7 +69,7 @@ mod tests {
             depth_m: Some(depth_m),
         };
         let black = RadianceImage::new(width, height, vec![[0.0; 3]; width * height]);
-        // two columns of sixteen have a step of 1/2
+        // Two of sixteen columns have a depth step of 1/2.
         let expected = (14.0 + 2.0 * 0.5f64.exp()) / 16.0;
         let same = view.clone();
         assert!((coherence([(&view, &black)]).unwrap() - expected).abs() < 1e-6);

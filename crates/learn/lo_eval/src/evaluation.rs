@@ -1,4 +1,4 @@
-//! An evaluation as a whole: every method on every photo of a part of a dataset.
+//! Evaluates methods on the photos of a dataset.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -6,52 +6,52 @@ use std::time::Instant;
 use lo_dataset::{CropModel, Dataset, DatasetError, Layout, Sample, Split, evenly_spread, indices_of};
 use lo_events::{OnEvent, Stage, Steps};
 
-use crate::prior::TWO_APART;
+use crate::prior::TWO_PANORAMAS_APART;
 use crate::{
-    Cost, Estimate, KnownPanorama, Method, MethodError, Outcome, Protocol, ProtocolCrops, ProtocolRenders, Report,
+    Cost, KnownPanorama, Method, MethodError, MethodOutput, Outcome, Protocol, ProtocolCrops, ProtocolRenders, Report,
     Scorer, Sheet, Summary, Tools, memory, walk,
 };
 
-/// Which photos of which dataset.
+/// Selects photos of a dataset.
 #[derive(Clone, Debug)]
-pub struct Photos {
-    /// A folder in one of the layouts, or a shard.
+pub struct PhotoSelection {
+    /// A dataset folder or a shard.
     pub dataset: PathBuf,
-    /// How its files are laid out; found out where `None`.
+    /// Layout of the files; detected if `None`.
     pub layout: Option<Layout>,
-    /// A published protocol, with its own crops of a folder of panoramas.
+    /// A published protocol, which defines its own crops of panoramas.
     pub protocol: Option<Protocol>,
-    /// How photos are made where there are none and no protocol says how.
+    /// Cameras of the crops of panoramas, without a protocol.
     pub crops: CropModel,
-    /// A folder with plans of the panoramas' rooms, by which depth is known.
+    /// Folder of floor plans of the panoramas' rooms, which provide depth.
     pub plans: Option<PathBuf>,
-    /// The part of the dataset; all of it where `None`.
+    /// Part of the dataset; all of it if `None`.
     pub part: Option<Split>,
-    /// No more photos than this, evenly spread.
+    /// Largest number of photos, evenly spread; all if `None`.
     pub most: Option<usize>,
 }
 
-/// Why nothing can be evaluated.
+/// Errors of opening an evaluation.
 #[derive(Debug, thiserror::Error)]
 pub enum EvalError {
-    /// The dataset cannot be opened, or its first sample not be read.
+    /// The dataset or its first sample cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// No photo is in the part that was asked for.
-    #[error("{}: none of {photos} photos is in that part", dataset.display())]
+    /// The selected part has no photos.
+    #[error("{}: none of the {photos} photos is in the selected part", dataset.display())]
     NoPhotos {
         /// The dataset.
         dataset: PathBuf,
-        /// Photos in all of it.
+        /// Photos in the whole dataset.
         photos: usize,
     },
 }
 
-impl Photos {
-    /// Opens the dataset, and gives the numbers of the photos in it, at least one.
+impl PhotoSelection {
+    /// Opens the dataset and returns the indices of the selected photos, at least one.
     ///
     /// # Errors
-    /// A dataset that cannot be opened; a part without photos.
+    /// Unreadable datasets; parts without photos.
     pub fn open(&self) -> Result<(Box<dyn Dataset>, Vec<usize>), EvalError> {
         let path: &Path = &self.dataset;
         let dataset: Box<dyn Dataset> = match (self.protocol, self.layout) {
@@ -69,10 +69,10 @@ impl Photos {
     }
 }
 
-/// An evaluation that is ready to [run](Self::run).
+/// An evaluation, ready to [run](Self::run).
 pub struct Evaluation<'a> {
     dataset: Box<dyn Dataset>,
-    /// Its photos, by their numbers in the dataset.
+    /// Indices of the photos in the dataset.
     indices: Vec<usize>,
     protocol: Option<Protocol>,
     methods: Vec<Method>,
@@ -80,25 +80,26 @@ pub struct Evaluation<'a> {
 }
 
 impl<'a> Evaluation<'a> {
-    /// Opens the dataset. Without `methods`: all that the tools and the first photo suffice for.
+    /// Opens the dataset. If `methods` is empty, selects all that the tools and the first photo allow.
     ///
     /// # Errors
-    /// A dataset that cannot be opened; a part without photos; a first photo that cannot be read.
-    pub fn open(photos: &Photos, methods: &[Method], tools: Tools<'a>) -> Result<Self, EvalError> {
+    /// Unreadable datasets; parts without photos; an unreadable first photo.
+    pub fn open(photos: &PhotoSelection, methods: &[Method], tools: Tools<'a>) -> Result<Self, EvalError> {
         let (dataset, indices) = photos.open()?;
         let methods = if methods.is_empty() {
             let first = dataset.get(indices[0])?;
-            let able = |method: &Method| method.has_tools(&tools) && method.takes(&first);
-            Method::ALL.into_iter().filter(able).collect()
+            let is_possible = |method: &Method| method.has_tools(&tools) && method.takes(&first);
+            Method::ALL.into_iter().filter(is_possible).collect()
         } else {
             methods.to_vec()
         };
         Ok(Self { dataset, indices, protocol: photos.protocol, methods, tools })
     }
 
-    /// Evaluates photo after photo; a probe walks a metre in `walks` of the rooms, and `rows` photos are on the sheet, both evenly spread.
+    /// Evaluates all photos.
     ///
-    /// Where the handler asks for the end or a photo cannot be read, the report says so and holds the figures so far.
+    /// A probe moves along a path in `walks` rooms, and `rows` photos are on the contact sheet, both evenly spread. If
+    /// the handler cancels or a photo cannot be read, the report holds the figures so far and the reason.
     pub fn run(&self, rows: usize, walks: usize, on_event: OnEvent<'_>) -> Report {
         let count = self.indices.len();
         let scorer = Scorer::new(self.protocol.map(ProtocolRenders::new));
@@ -146,17 +147,19 @@ impl<'a> Evaluation<'a> {
         Report { methods, summary, sheet, photos: done, asked: count, unreadable }
     }
 
-    /// With a method that knows a panorama of the room: that one, or what is lacking, and the sample with those that are scored. All methods are, for
-    /// their figures to be comparable.
+    /// Takes the known panorama out of the sample, if any method uses one.
+    ///
+    /// All methods are then scored on the remaining panoramas, so that their figures are comparable. The inner error
+    /// names what the sample lacks.
     fn known_panorama(&self, mut sample: Sample) -> (Sample, Option<Result<KnownPanorama, &'static str>>) {
         if !self.methods.iter().any(|method| method.knows_panorama()) {
             return (sample, None);
         }
         let known = KnownPanorama::take(&mut sample);
-        (sample, Some(known.map_err(|_| TWO_APART)))
+        (sample, Some(known.map_err(|_| TWO_PANORAMAS_APART)))
     }
 
-    /// Of the next photo's room that is another one, where a method asks for it.
+    /// Returns a panorama of the next photo in a different room, if any method uses one.
     fn foreign_panorama(&self, position: usize, sample: &Sample) -> Option<KnownPanorama> {
         if !self.methods.iter().any(|method| method.takes_foreign_panorama()) {
             return None;
@@ -172,15 +175,15 @@ impl<'a> Evaluation<'a> {
     }
 }
 
-/// What comes of a method on a photo, and its first panorama.
+/// Runs a method on a photo and returns its outcome and its first panorama.
 fn outcome(
     scorer: &Scorer,
     sample: &Sample,
     method: Method,
-    estimate: impl Fn(&Sample) -> Result<Estimate, MethodError>,
+    estimate: impl Fn(&Sample) -> Result<MethodOutput, MethodError>,
     walks: bool,
 ) -> (Outcome, Option<lo_imaging::RadianceImage>) {
-    memory::restart_peak();
+    memory::reset_peak();
     let begun = Instant::now();
     let estimate = estimate(sample);
     let mut cost = Cost { estimate_s: begun.elapsed().as_secs_f64(), ..Cost::default() };

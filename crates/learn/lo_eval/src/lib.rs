@@ -1,6 +1,6 @@
-//! Evaluation of estimated lighting: scores, spheres, published protocols, baselines, tables (`docs/method.md` §9).
+//! Evaluation of estimated lighting: metrics, spheres, published protocols, baselines, tables (`docs/method.md` §9).
 //!
-//! `docs/evaluation.md` tells what the figures mean and where the protocols come from.
+//! `docs/evaluation.md` explains the figures and the sources of the protocols.
 
 mod baseline;
 mod coherence;
@@ -22,10 +22,10 @@ mod testing;
 mod walk;
 
 pub use coherence::coherence;
-pub use evaluation::{EvalError, Evaluation, Photos};
-pub use insertion::{InsertionEvaluation, InsertionMethod, Lamps};
-pub use method::{DepthInput, Estimate, Light, Method, MethodError, PriorPanorama, Sight, Tools};
-pub use prior::{APART_M, KnownPanorama, LaidPrior};
+pub use evaluation::{EvalError, Evaluation, PhotoSelection};
+pub use insertion::{InsertionEvaluation, InsertionMethod, LampMode};
+pub use method::{DepthInput, EstimatedLight, Method, MethodError, MethodOutput, PriorPanorama, Tools, Tracer};
+pub use prior::{KnownPanorama, MIN_PANORAMA_DISTANCE_M, PriorAlignment};
 pub use profile::{Profile, ProfileBuilder, ProfileError};
 pub use protocol::{Protocol, ProtocolCrops, ProtocolRenders};
 pub use report::Report;

@@ -1,18 +1,18 @@
-//! Resident memory of this process, as Linux tells it; other systems give none.
+//! Resident memory of this process, on Linux; `None` on other systems.
 
-/// Resident set now, in MiB.
+/// Returns the current resident set, MiB.
 pub fn current_mib() -> Option<f64> {
     status_mib("VmRSS:")
 }
 
-/// Highest resident set since [`restart_peak`], in MiB.
+/// Returns the peak resident set since [`reset_peak`], MiB.
 pub fn peak_mib() -> Option<f64> {
     status_mib("VmHWM:")
 }
 
-/// Starts the high-water mark anew.
-pub fn restart_peak() {
-    // "5" is what proc(5) says; where the kernel refuses, the peak includes the preparation.
+/// Resets the peak of the resident set.
+pub fn reset_peak() {
+    // "5" resets the peak, see proc(5). If the kernel refuses, the peak includes earlier work.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 

@@ -1,4 +1,4 @@
-//! What is compared: the networks, the shell, and baselines.
+//! Methods to compare: networks, shell completion, baselines and upper bounds.
 
 use std::sync::Arc;
 
@@ -10,143 +10,142 @@ use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
 use lo_lookup::SceneRenderer;
 use lo_octree::{LightOctree, OctreeError};
-use lo_scene::{Completion, Frame, FrameError, LitScene};
-use lo_scene::{GuessedLight, LightMode, LightTuning};
+use lo_scene::{Completion, Estimate, Frame, FrameError, GuessedLight, LightMode, LightTuning, LitScene};
 
-use crate::prior::{is_doubt, unchanged, yaw_error_deg};
-use crate::{KnownPanorama, LaidPrior, Profile, baseline};
+use crate::prior::{is_mismatch, unchanged, yaw_error_deg};
+use crate::{KnownPanorama, PriorAlignment, Profile, baseline};
 
-/// Depth that a method is given.
+/// Depth input of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DepthInput {
-    /// The scene's own.
+    /// True depth.
     True,
-    /// As a sensor measures it.
+    /// Simulated sensor depth.
     Sensor,
 }
 
-/// A way to the light around a point.
+/// A method that estimates the light around a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// The networks, from the photo alone or with depth.
     Network(Option<DepthInput>),
-    /// The same with the expected energy, as `envmap` shows it.
+    /// The networks with expected light, as `envmap` renders it.
     Expected(Option<DepthInput>),
-    /// The same with plausible lamps, as objects are lit.
+    /// The networks with plausible light, as objects are lit.
     FittedLamps(Option<DepthInput>),
-    /// Networks, and the photo's detail around what is inferred, as reflections of objects have it.
+    /// The networks with the photo's detail in inferred regions, as in reflections of inserted objects.
     Detail(Option<DepthInput>),
-    /// Completion by planes.
+    /// Shell completion: planes, no networks.
     Shell(DepthInput),
     /// The photo's mean colour in all directions.
     MeanColour,
     /// The training set's mean vertical profile times the photo's mean colour.
     Profile,
-    /// The training set's mean linear vertical profile as bright as the photo, with half of the chroma of its mean
+    /// The training set's mean linear vertical profile at the photo's brightness, with half the chroma of its mean
     /// colour.
     FixedShape,
-    /// The photo mirrored until the sphere is full.
+    /// The photo, mirrored repeatedly to fill the sphere.
     Mirrored,
-    /// The one panorama that the global decoder makes of the photo, wherever the probe is (Gardner et al. 2017's kind).
+    /// The single map, independent of the probe's position (as in Gardner et al. 2017).
     SingleMap,
-    /// The networks' panorama from the photo alone with its luminance cubed, its integral kept and half of its chroma.
+    /// The networks from the photo alone, with luminance cubed at constant integral, and half the chroma.
     NetworkCubed,
-    /// The true octree: what a perfect network of this depth would reach.
+    /// The true octree: the upper bound of a network of this depth.
     TrueOctree,
-    /// The networks, from the photo alone or with depth, and a panorama of the room from another place than those that are scored.
+    /// The networks, from the photo alone or with depth, and a panorama prior.
     PanoramaPrior(Option<DepthInput>, PriorPanorama),
-    /// That panorama as the light around every point.
+    /// The known panorama as the light around every point.
     PanoramaEverywhere,
 }
 
-/// Which panorama a method knows, and how.
+/// Panorama prior of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PriorPanorama {
-    /// One of the room, with its yaw; its exposure is found.
+    /// A panorama of the room with given yaw; its exposure is estimated.
     YawGiven,
-    /// The same, with its yaw to be found.
+    /// A panorama of the room; yaw and exposure are estimated.
     YawFound,
-    /// One of another room, as if it were of this one, with its yaw to be found.
+    /// A panorama of a different room, used as if it were of this one; yaw and exposure are estimated.
     OfAnotherRoom,
 }
 
-/// What methods need beside the photo.
+/// Inputs of methods beside the sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Tools<'a> {
-    /// `Network`, `NetworkCubed` and `SingleMap` need one with networks.
+    /// Estimator; methods based on networks require one with networks.
     pub estimator: &'a Estimator,
-    /// For `Profile` and `FixedShape`.
+    /// Vertical profile, for `Profile` and `FixedShape`.
     pub profile: Option<&'a Profile>,
-    /// Depth of the octrees; those of networks are at least as deep as these say.
+    /// Octree depth. Networks use at least their own depth.
     pub octree_depth: u32,
-    /// Of the networks' random choices.
+    /// Seed of the networks' random choices.
     pub seed: u64,
     /// A panorama of the sample's room, for `PanoramaPrior` and `PanoramaEverywhere`.
     pub known: Option<&'a KnownPanorama>,
-    /// A panorama of another room, for `PanoramaPrior` that takes one.
+    /// A panorama of a different room, for `PriorPanorama::OfAnotherRoom`.
     pub foreign: Option<&'a KnownPanorama>,
 }
 
-/// Why a method gave nothing for a sample.
+/// Errors of a method on a sample.
 #[derive(Debug, thiserror::Error)]
 pub enum MethodError {
-    /// The sample or the tools lack something.
+    /// The sample or the tools lack a required input.
     #[error("needs {0}")]
     Needs(&'static str),
-    /// Photo and depth do not make a frame.
+    /// Photo and depth are inconsistent.
     #[error(transparent)]
     Frame(#[from] FrameError),
     /// The estimate failed.
     #[error(transparent)]
-    Estimate(#[from] EstimateError),
+    MethodOutput(#[from] EstimateError),
     /// The octree cannot be built.
     #[error(transparent)]
     Octree(#[from] OctreeError),
-    /// The panorama that is known is none.
+    /// The known panorama is invalid.
     #[error(transparent)]
     Panorama(#[from] PanoramaError),
-    /// An object cannot be put into the photo.
+    /// An object cannot be inserted into the photo.
     #[error("{0}")]
     Insertion(String),
 }
 
-/// What a method says about a room.
-pub struct Estimate {
-    /// The light.
-    pub light: Light,
-    /// The depth of the photo that the method found or used.
+/// A method's result for a room.
+pub struct MethodOutput {
+    /// Estimated light.
+    pub light: EstimatedLight,
+    /// Depth of the photo, estimated or given.
     pub depth_m: Option<DepthMap>,
-    /// Which way it takes to be up, in the photo's frame, of unit length.
+    /// Estimated up vector in the photo's frame, unit length.
     pub up: Option<Vec3>,
-    /// How the panorama that it knows was laid.
-    pub prior: Option<LaidPrior>,
-    /// Whether its panoramas are cubed, as those of [`Method::NetworkCubed`] are.
+    /// Alignment of the panorama prior.
+    pub prior: Option<PriorAlignment>,
+    /// Whether luminance of panoramas is cubed, as by [`Method::NetworkCubed`].
     pub is_cubed: bool,
 }
 
 /// Light around every point.
-pub enum Light {
-    /// By cone tracing.
+pub enum EstimatedLight {
+    /// An octree, rendered by cone tracing.
     Octree {
         /// The octree.
         octree: Box<LightOctree>,
-        /// Ready to be traced.
-        sight: Sight,
+        /// Prepared for tracing.
+        tracer: Tracer,
     },
-    /// The same panorama, in the photo's frame, wherever the probe is.
+    /// One panorama in the photo's frame, independent of the probe's position.
     Map(RadianceImage),
 }
 
-/// What is traced.
-pub enum Sight {
-    /// An octree alone.
+/// Traces cones through estimated light.
+pub enum Tracer {
+    /// An octree without the photo.
     Octree(OctreeRenderer),
-    /// A scene: where its photo shows what is met, the photo.
+    /// A scene: where a cone hits observed geometry, the photo is sampled.
     Scene(Box<SceneRenderer>),
 }
 
 impl Method {
-    /// All that need no panorama of the room, in the order of the tables: those that run where nothing else is said.
+    /// Default methods, in the order of the tables.
     pub const ALL: [Self; 12] = [
         Self::MeanColour,
         Self::Profile,
@@ -162,7 +161,7 @@ impl Method {
         Self::TrueOctree,
     ];
 
-    /// Those that know a panorama of the room. With any of them, every method is scored on the panoramas at other places alone.
+    /// Methods with a known panorama. With any of them, all methods are scored only on panoramas at other positions.
     pub const WITH_PANORAMA: [Self; 6] = [
         Self::PanoramaEverywhere,
         Self::PanoramaPrior(None, PriorPanorama::YawGiven),
@@ -172,7 +171,7 @@ impl Method {
         Self::PanoramaPrior(None, PriorPanorama::OfAnotherRoom),
     ];
 
-    /// Those with another light than the octree's own.
+    /// Methods with expected or plausible light.
     pub const WITH_LAMPS: [Self; 6] = [
         Self::Expected(None),
         Self::Expected(Some(DepthInput::Sensor)),
@@ -182,11 +181,11 @@ impl Method {
         Self::FittedLamps(Some(DepthInput::True)),
     ];
 
-    /// Methods with the photo's detail around what is inferred.
+    /// Methods with the photo's detail in inferred regions.
     pub const WITH_DETAIL: [Self; 3] =
         [Self::Detail(None), Self::Detail(Some(DepthInput::Sensor)), Self::Detail(Some(DepthInput::True))];
 
-    /// Its name in tables and on the command line.
+    /// Returns the name in tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Network(None) => "network",
@@ -221,17 +220,17 @@ impl Method {
         }
     }
 
-    /// Whether it knows a panorama of the room, or of another one.
+    /// Returns whether the method uses a known panorama, of this room or another.
     pub fn knows_panorama(self) -> bool {
         matches!(self, Self::PanoramaEverywhere | Self::PanoramaPrior(..))
     }
 
-    /// Whether it takes a panorama of another room.
+    /// Returns whether the method uses a panorama of a different room.
     pub fn takes_foreign_panorama(self) -> bool {
         matches!(self, Self::PanoramaPrior(_, PriorPanorama::OfAnotherRoom))
     }
 
-    /// Whether the tools at hand suffice, whatever the sample has.
+    /// Returns whether the tools include what the method requires.
     pub fn has_tools(self, tools: &Tools) -> bool {
         match self {
             Self::Network(_)
@@ -246,7 +245,7 @@ impl Method {
         }
     }
 
-    /// Whether a sample has what the method takes.
+    /// Returns whether a sample has the inputs that the method requires.
     pub fn takes(self, sample: &Sample) -> bool {
         match self {
             Self::Network(Some(input))
@@ -263,12 +262,12 @@ impl Method {
         }
     }
 
-    /// Estimates the light of a sample's room from its photo, and from depth where the method takes any.
+    /// Estimates the light of a sample's room.
     ///
     /// # Errors
-    /// What the sample or the tools lack; estimates that fail.
-    pub fn estimate(self, sample: &Sample, tools: &Tools) -> Result<Estimate, MethodError> {
-        let map = |map: RadianceImage| Ok(Estimate::of_light(Light::Map(map)));
+    /// Missing inputs; failed estimates.
+    pub fn estimate(self, sample: &Sample, tools: &Tools) -> Result<MethodOutput, MethodError> {
+        let map = |map: RadianceImage| Ok(MethodOutput::of_light(EstimatedLight::Map(map)));
         let profile = || tools.profile.ok_or(MethodError::Needs("a profile"));
         match self {
             Self::MeanColour => map(baseline::mean_colour_map(sample)),
@@ -280,79 +279,88 @@ impl Method {
                 map(networks.single_map(&sample.photo))
             }
             Self::Shell(input) => {
-                // With networks they would tell it which way is up.
+                // An estimator with networks would predict the up vector.
                 let estimator = Estimator::without_networks();
                 let options = EstimateOptions { octree_depth: Some(tools.octree_depth), ..EstimateOptions::default() };
                 let input = Input::MeasuredDepth(frame(sample, input)?);
-                Ok(Estimate::as_estimated(estimator.estimate(input, &options, &mut lo_events::ignore)?.into()))
+                Ok(MethodOutput::as_estimated(estimator.estimate(input, &options, &mut lo_events::ignore)?.into()))
             }
             Self::NetworkCubed => {
-                Ok(Estimate { is_cubed: true, ..Estimate::as_estimated(estimate_scene(sample, None, tools)?) })
+                Ok(MethodOutput { is_cubed: true, ..MethodOutput::as_estimated(estimate_scene(sample, None, tools)?) })
             }
-            Self::Network(input) => Ok(Estimate::as_estimated(estimate_scene(sample, input, tools)?)),
-            Self::Expected(input) => lit(sample, input, tools, LightMode::Expected).map(Estimate::of_scene),
-            Self::FittedLamps(input) => lit(sample, input, tools, LightMode::Plausible).map(Estimate::of_scene),
+            Self::Network(input) => Ok(MethodOutput::as_estimated(estimate_scene(sample, input, tools)?)),
+            Self::Expected(input) => {
+                estimate_lit(sample, input, tools, LightMode::Expected).map(MethodOutput::of_scene)
+            }
+            Self::FittedLamps(input) => {
+                estimate_lit(sample, input, tools, LightMode::Plausible).map(MethodOutput::of_scene)
+            }
             Self::Detail(input) => {
-                let scene = lit(sample, input, tools, LightMode::Expected)?;
+                let scene = estimate_lit(sample, input, tools, LightMode::Expected)?;
                 let viewers = SceneRenderer::new(&scene).with_detail(&scene);
-                Ok(Estimate::seen_by(scene, viewers))
+                Ok(MethodOutput::with_viewers(scene, viewers))
             }
             Self::PanoramaEverywhere => {
                 let known = tools.known.filter(|known| !known.is_scored);
-                let known = known.ok_or(MethodError::Needs("another panorama than the one that is scored"))?;
+                let known = known.ok_or(MethodError::Needs("a known panorama that is not scored itself"))?;
                 map(in_photo_frame(&known.view))
             }
             Self::PanoramaPrior(input, which) => with_panorama(sample, input, which, tools),
-            Self::TrueOctree => Ok(Estimate::of_octree(true_octree(sample, tools)?)),
+            Self::TrueOctree => Ok(MethodOutput::of_octree(true_octree(sample, tools)?)),
         }
     }
 }
 
-/// The part of a profile that `FixedShape` needs.
-const LINEAR: &str = "linear_factors in the profile, which --make-profile writes";
+/// Requirement of `FixedShape`.
+const LINEAR: &str = "a profile with linear_factors, as written by --make-profile";
 
-/// The networks' scene by the light of a mode.
-fn lit(sample: &Sample, input: Option<DepthInput>, tools: &Tools, mode: LightMode) -> Result<LitScene, MethodError> {
+/// Estimates a scene by the networks and applies a light mode.
+fn estimate_lit(
+    sample: &Sample,
+    input: Option<DepthInput>,
+    tools: &Tools,
+    mode: LightMode,
+) -> Result<LitScene, MethodError> {
     let guessed = GuessedLight { light: mode, tuning: LightTuning::default() };
-    let (lit, _) = lit_by(&estimate_scene(sample, input, tools)?, &guessed).expect("there is no white pixel");
-    Ok(lit)
+    let lit = lit_by(&estimate_scene(sample, input, tools)?, &guessed);
+    Ok(lit.expect("the default tuning has no white pixel").0)
 }
 
-impl Estimate {
+impl MethodOutput {
     /// In the even light of the octree.
-    fn as_estimated(estimate: Arc<lo_scene::Estimate>) -> Self {
+    fn as_estimated(estimate: Arc<Estimate>) -> Self {
         Self::of_scene(LitScene::as_estimated(estimate))
     }
 
     fn of_scene(scene: LitScene) -> Self {
         let viewers = SceneRenderer::new(&scene);
-        Self::seen_by(scene, viewers)
+        Self::with_viewers(scene, viewers)
     }
 
-    fn seen_by(scene: LitScene, viewers: SceneRenderer) -> Self {
-        let sight = Sight::Scene(Box::new(viewers));
+    fn with_viewers(scene: LitScene, viewers: SceneRenderer) -> Self {
+        let tracer = Tracer::Scene(Box::new(viewers));
         let (up, depth_m) = (scene.room.as_ref().map(|room| room.up), scene.frame.depth_m.clone());
-        let light = Light::Octree { octree: Box::new(scene.light), sight };
+        let light = EstimatedLight::Octree { octree: Box::new(scene.light), tracer };
         Self { depth_m: Some(depth_m), up, ..Self::of_light(light) }
     }
 
     fn of_octree(octree: LightOctree) -> Self {
-        let sight = Sight::Octree(OctreeRenderer::new(&octree));
-        Self::of_light(Light::Octree { octree: Box::new(octree), sight })
+        let tracer = Tracer::Octree(OctreeRenderer::new(&octree));
+        Self::of_light(EstimatedLight::Octree { octree: Box::new(octree), tracer })
     }
 
-    /// Wraps light of which no more is known.
-    pub fn of_light(light: Light) -> Self {
+    /// Wraps light alone, without depth, up vector or prior.
+    pub fn of_light(light: EstimatedLight) -> Self {
         Self { light, depth_m: None, up: None, prior: None, is_cubed: false }
     }
 
-    /// The panorama at a view's place, in its orientation and of its size.
+    /// Renders the panorama at a view's pose and size.
     pub fn panorama(&self, view: &NovelView) -> RadianceImage {
         let (width, height) = (view.radiance.width(), view.radiance.height());
         self.panorama_at(view.position_m, width, height, |direction| view.rotation * direction)
     }
 
-    /// A panorama whose directions become the photo's by `turn`.
+    /// Renders a panorama at a position; `turn` maps its directions to the photo's frame.
     pub(crate) fn panorama_at(
         &self,
         position_m: Vec3,
@@ -362,17 +370,17 @@ impl Estimate {
     ) -> RadianceImage {
         let direction = |x: usize, y: usize| turn(lo_geometry::pixel_direction(x, y, width, height));
         let panorama = match &self.light {
-            Light::Map(map) => {
+            EstimatedLight::Map(map) => {
                 RadianceImage::from_fn(width, height, |x, y| sample_equirectangular(map, direction(x, y)))
             }
-            Light::Octree { sight, .. } => {
-                // half of the pixel's pitch, as of `ConeTracer::panorama`
+            EstimatedLight::Octree { tracer, .. } => {
+                // Half of the pixel pitch, as in `ConeTracer::panorama`.
                 let tan_half_angle = (std::f32::consts::PI / width as f32).tan();
-                let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-                let cones: Vec<Cone> = places
+                let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+                let cones: Vec<Cone> = pixels
                     .map(|(x, y)| Cone { origin: position_m, direction: direction(x, y), tan_half_angle })
                     .collect();
-                let samples = traced(sight, position_m, &cones);
+                let samples = trace(tracer, position_m, &cones);
                 RadianceImage::new(width, height, samples.iter().map(|sample| sample.radiance).collect())
             }
         };
@@ -380,17 +388,17 @@ impl Estimate {
     }
 }
 
-/// What cones from `eye` see.
-pub(crate) fn traced(sight: &Sight, eye: Vec3, cones: &[Cone]) -> Vec<lo_cone::ConeSample> {
+/// Traces cones from `eye`.
+pub(crate) fn trace(tracer: &Tracer, eye: Vec3, cones: &[Cone]) -> Vec<lo_cone::ConeSample> {
     let mut samples = vec![lo_cone::ConeSample::default(); cones.len()];
-    match sight {
-        Sight::Octree(viewers) => viewers.at(eye).trace_batch(cones, &mut samples),
-        Sight::Scene(viewers) => viewers.trace_batch(eye, cones, &mut samples),
+    match tracer {
+        Tracer::Octree(viewers) => viewers.at(eye).trace_batch(cones, &mut samples),
+        Tracer::Scene(viewers) => viewers.trace_batch(eye, cones, &mut samples),
     }
     samples
 }
 
-/// A view's panorama with the photo's directions.
+/// Rotates a view's panorama into the photo's frame.
 pub(crate) fn in_photo_frame(view: &NovelView) -> RadianceImage {
     let (width, height) = (view.radiance.width(), view.radiance.height());
     let inverse = view.rotation.inverse();
@@ -400,15 +408,15 @@ pub(crate) fn in_photo_frame(view: &NovelView) -> RadianceImage {
     })
 }
 
-/// The scene that the networks make of a sample.
+/// Estimates a scene by the networks.
 ///
 /// # Errors
-/// What the sample or the tools lack; estimates that fail.
+/// Missing inputs; failed estimates.
 pub(crate) fn estimate_scene(
     sample: &Sample,
     input: Option<DepthInput>,
     tools: &Tools,
-) -> Result<Arc<lo_scene::Estimate>, MethodError> {
+) -> Result<Arc<Estimate>, MethodError> {
     let options = network_options(tools)?;
     Ok(tools.estimator.estimate(input_of(sample, input)?, &options, &mut lo_events::ignore)?.into())
 }
@@ -430,13 +438,15 @@ fn input_of(sample: &Sample, input: Option<DepthInput>) -> Result<Input, MethodE
     })
 }
 
-/// By the networks and a panorama. With one of another room it is also looked at what became of the light that the photo saw.
+/// Estimates by the networks with a panorama prior.
+///
+/// With a panorama of another room, also measures whether observed leaves stay unchanged.
 fn with_panorama(
     sample: &Sample,
     input: Option<DepthInput>,
     which: PriorPanorama,
     tools: &Tools,
-) -> Result<Estimate, MethodError> {
+) -> Result<MethodOutput, MethodError> {
     let is_foreign = which == PriorPanorama::OfAnotherRoom;
     let known = if is_foreign { tools.foreign } else { tools.known };
     let needed = if is_foreign { "a panorama of another room" } else { "a panorama of the room" };
@@ -445,24 +455,24 @@ fn with_panorama(
     let panorama = Some(known.prior(which == PriorPanorama::YawGiven)?);
     let with = EstimateOptions { panorama, ..options.clone() };
     let mut is_warned = false;
-    let mut hear = |event| {
-        is_warned |= is_doubt(&event);
+    let mut on_event = |event| {
+        is_warned |= is_mismatch(&event);
         std::ops::ControlFlow::Continue(())
     };
-    let scene = tools.estimator.estimate(input_of(sample, input)?, &with, &mut hear)?;
+    let scene = tools.estimator.estimate(input_of(sample, input)?, &with, &mut on_event)?;
     let mut seen_unchanged = None;
     if is_foreign {
         let plain = tools.estimator.estimate(input_of(sample, input)?, &options, &mut lo_events::ignore)?;
         seen_unchanged = Some(unchanged(&plain.light, &scene.light));
     }
-    let prior = scene.panorama.as_ref().map(|laid| LaidPrior {
-        confidence: laid.source.confidence.into(),
-        yaw_error_deg: (!is_foreign).then(|| yaw_error_deg(laid.source.yaw_deg, known.yaw_rad())),
-        exposure_ev: laid.source.exposure_ev.into(),
+    let prior = scene.panorama.as_ref().map(|panorama| PriorAlignment {
+        confidence: panorama.source.confidence.into(),
+        yaw_error_deg: (!is_foreign).then(|| yaw_error_deg(panorama.source.yaw_deg, known.yaw_rad())),
+        exposure_ev: panorama.source.exposure_ev.into(),
         is_warned,
         seen_unchanged,
     });
-    Ok(Estimate { prior, ..Estimate::as_estimated(scene.into()) })
+    Ok(MethodOutput { prior, ..MethodOutput::as_estimated(scene.into()) })
 }
 
 fn frame(sample: &Sample, input: DepthInput) -> Result<Frame, MethodError> {
@@ -474,12 +484,12 @@ fn frame(sample: &Sample, input: DepthInput) -> Result<Frame, MethodError> {
     Ok(Frame::new(Photo::Srgb8(sample.photo.clone()), depth_m, sample.camera, 1.0)?)
 }
 
-/// Of all surface points, in the smallest cube that holds them.
+/// Builds the true octree of all surface points, in the smallest cube around them.
 pub(crate) fn true_octree(sample: &Sample, tools: &Tools) -> Result<LightOctree, MethodError> {
     let bounds = sample.points.iter().map(|point| (point.position_m, point.position_m));
     let (low, high) =
         bounds.reduce(|(low, high), (a, b)| (low.min(a), high.max(b))).ok_or(MethodError::Needs("surface points"))?;
-    // a point on the far side would be outside
+    // Enlarged slightly: the far sides of a cube are exclusive.
     let cube = Cube::centred(0.5 * (low + high), 1.001 * (high - low).max_element().max(0.01));
     let filled = |point_area_m2| TrueLeaves::Filled { point_area_m2 };
     let leaves = sample.point_area_m2.map_or(TrueLeaves::All, filled);

@@ -1,4 +1,4 @@
-//! A panorama of the room that a method knows, and those that it is scored on.
+//! Known panoramas of a room, as input of methods.
 
 use std::f32::consts::PI;
 
@@ -10,44 +10,47 @@ use lo_octree::LightOctree;
 
 use crate::MethodError;
 
-/// A known panorama and those that are scored lie at least this far from each other, metres.
-pub const APART_M: f32 = 0.7;
+/// Smallest distance between a known panorama and the scored ones, metres.
+pub const MIN_PANORAMA_DISTANCE_M: f32 = 0.7;
 
-/// What a sample lacks that has none such.
-pub(crate) const TWO_APART: &str = "two panoramas 0.7 m or more apart";
+/// Requirement that a sample without such panoramas lacks.
+pub(crate) const TWO_PANORAMAS_APART: &str = "two panoramas 0.7 m or more apart";
 
-/// A panorama this near to the camera, metres, is the one that the photo was cut out of, where it is the only one.
+/// Distance to the camera, metres, below which a sample's only panorama is the one that the photo was cropped from.
 const AT_CAMERA_M: f32 = 1e-3;
 
-/// A panorama of a sample's room.
+/// A panorama of a sample's room that methods may use.
 #[derive(Clone, Debug)]
 pub struct KnownPanorama {
-    /// Where it is, and what it shows.
+    /// The panorama and its pose.
     pub view: NovelView,
-    /// Whether it is also what methods are scored on: of samples that are cut out of panoramas there is no other.
+    /// Whether methods are scored on the same panorama: crops of panoramas have no other.
     pub is_scored: bool,
 }
 
 impl KnownPanorama {
-    /// Takes the first of the sample's panoramas that has others at least [`APART_M`] away, and leaves those to be scored. Of a sample with the
-    /// one panorama at its camera: takes that, and leaves it too.
+    /// Takes the first panorama with others at least [`MIN_PANORAMA_DISTANCE_M`] away; only those stay in the sample.
+    ///
+    /// If the only panorama is at the camera, returns that one and leaves it in the sample.
     ///
     /// # Errors
-    /// [`MethodError::Needs`] where there is neither; the sample keeps its panoramas.
+    /// [`MethodError::Needs`] if there is neither; the sample keeps its panoramas.
     pub fn take(sample: &mut Sample) -> Result<Self, MethodError> {
         if let [view] = &sample.views[..]
             && view.position_m.length() < AT_CAMERA_M
         {
             return Ok(Self { view: view.clone(), is_scored: true });
         }
-        let apart = |a: &NovelView, b: &NovelView| a.position_m.distance(b.position_m) >= APART_M;
+        let apart = |a: &NovelView, b: &NovelView| a.position_m.distance(b.position_m) >= MIN_PANORAMA_DISTANCE_M;
         let known = sample.views.iter().find(|a| sample.views.iter().any(|b| apart(a, b)));
-        let view = known.cloned().ok_or(MethodError::Needs(TWO_APART))?;
+        let view = known.cloned().ok_or(MethodError::Needs(TWO_PANORAMAS_APART))?;
         sample.views.retain(|other| apart(&view, other));
         Ok(Self { view, is_scored: false })
     }
 
-    /// How far its centre is to the right of the photo's heading, about the panorama's own vertical, in radians.
+    /// Returns the yaw of the panorama's centre relative to the photo's heading, radians; positive to the right.
+    ///
+    /// Measured about the panorama's vertical.
     pub(crate) fn yaw_rad(&self) -> f32 {
         let up = self.view.rotation * Vec3::Y;
         let centre = self.view.rotation * Vec3::NEG_Z;
@@ -55,7 +58,7 @@ impl KnownPanorama {
         centre.dot(heading.cross(up)).atan2(centre.dot(heading))
     }
 
-    /// As a user would give it, with the yaw or without.
+    /// Converts to a prior as a user would supply it, with or without yaw.
     pub(crate) fn prior(&self, yaw_is_given: bool) -> Result<PanoramaPrior, MethodError> {
         let radiance = self.view.radiance.clone();
         let mut prior = PanoramaPrior::new(radiance, Orientation::Lightoctree, "known.hdr")?.at(self.view.position_m);
@@ -64,33 +67,33 @@ impl KnownPanorama {
     }
 }
 
-/// How a panorama was laid.
+/// Alignment of a panorama prior with the photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LaidPrior {
-    /// From 0 to 1, how well it shows what the photo shows.
+pub struct PriorAlignment {
+    /// Agreement with the photo, from 0 to 1.
     pub confidence: f64,
-    /// Its yaw less the true one, where that is known.
+    /// Absolute yaw error, if the true yaw is known.
     pub yaw_error_deg: Option<f64>,
-    /// Stops from its values to the photo's; 0 is right where both are in units of the photo's white.
+    /// Exposure from panorama to photo, stops; 0 is correct if both are in units of the photo's white.
     pub exposure_ev: f64,
-    /// Whether it was said that it may not fit.
+    /// Whether a warning reported that the panorama may not fit.
     pub is_warned: bool,
-    /// Of the leaves that the photo saw, the share that is the same to the bit as without the panorama; where that was looked at.
+    /// Share of observed leaves that are identical, bit for bit, to those without the panorama; `None` if not measured.
     pub seen_unchanged: Option<f64>,
 }
 
-/// Whether an event says that a panorama may not fit.
-pub(crate) fn is_doubt(event: &Event) -> bool {
+/// Returns whether an event warns that a panorama may not fit.
+pub(crate) fn is_mismatch(event: &Event) -> bool {
     matches!(event, Event::Warning(Warning::PanoramaMatch { .. } | Warning::PanoramaNotCompared))
 }
 
-/// Absolute difference of two yaws, in degrees.
+/// Returns the absolute difference of two yaws, degrees.
 pub(crate) fn yaw_error_deg(got_deg: f32, truth_rad: f32) -> f64 {
     let difference = got_deg.to_radians() - truth_rad;
     f64::from(((difference + PI).rem_euclid(2.0 * PI) - PI).abs()).to_degrees()
 }
 
-/// Share of the leaves that the photo saw in `before` that `after` has, the same to the bit.
+/// Returns the share of observed leaves of `before` that are identical, bit for bit, in `after`.
 pub(crate) fn unchanged(before: &LightOctree, after: &LightOctree) -> f64 {
     let [mut all, mut same] = [0usize; 2];
     for (depth, level) in before.octree.levels().iter().enumerate() {
@@ -137,9 +140,9 @@ mod tests {
         let yaw =
             |rotation: Quat| KnownPanorama { view: NovelView { rotation, ..view.clone() }, is_scored: false }.yaw_rad();
         assert!(yaw(Quat::IDENTITY).abs() < 1e-6);
-        // turning about +Y by a positive angle takes −Z to −X, to the left
+        // A positive rotation about +Y takes −Z to −X, to the left.
         assert!((yaw(Quat::from_rotation_y(-0.5)) - 0.5).abs() < 1e-5);
-        // a camera that looks down sees a level panorama tilted
+        // For a camera that looks down, a level panorama is tilted.
         assert!((yaw(Quat::from_rotation_x(0.4) * Quat::from_rotation_y(1.0)) + 1.0).abs() < 1e-5);
         assert!((yaw_error_deg(-179.0, 179f32.to_radians()) - 2.0).abs() < 1e-3);
     }

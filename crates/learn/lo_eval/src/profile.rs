@@ -1,4 +1,4 @@
-//! The mean vertical profile of a dataset's panoramas: how bright it is at which height, compared with the photo.
+//! Mean vertical profile of a dataset's panoramas: brightness by elevation, relative to the photo.
 
 use std::path::{Path, PathBuf};
 
@@ -9,30 +9,30 @@ use lo_imaging::{RadianceImage, linear_from_srgb8, luminance};
 use lo_metrics::solid_angles_sr;
 use serde::{Deserialize, Serialize};
 
-/// Bands of equal height in elevation, from straight down to straight up.
+/// Number of bands of equal elevation range, from straight down to straight up.
 const BANDS: usize = 32;
-/// Photos darker than this say nothing about ratios.
+/// Photos of lower mean luminance are skipped.
 const MIN_LUMINANCE: f32 = 1e-3;
 
-/// Luminance of panoramas over the mean luminance of their photos, for bands of elevation.
+/// Luminance of panoramas over the mean luminance of their photos, by band of elevation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
-    /// 1.
+    /// Version of the format: 1.
     format_version: u32,
-    /// Photos that it is the mean of.
+    /// Number of photos averaged.
     samples: usize,
-    /// What their dataset calls itself.
+    /// Name of the dataset.
     dataset: String,
-    /// From −90° to 90°: `exp(mean ln(1 + ratio)) − 1`, the constant that a log-L2 loss (`docs/method.md` §6) would choose.
+    /// `exp(mean ln(1 + ratio)) − 1` from −90° to 90°: the constant that minimises a log-L2 loss (`docs/method.md` §6).
     factors: Vec<f32>,
-    /// From −90° to 90°: mean luminance where each panorama's own mean is 1, the constant that a squared error would
-    /// choose. Files of former versions lack it.
+    /// Mean luminance from −90° to 90°, with each panorama normalised to mean 1: the constant that minimises a squared
+    /// error. Missing in older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     linear_factors: Option<Vec<f32>>,
 }
 
-/// Why there is no profile.
+/// Errors of reading or computing a profile.
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
     /// The file cannot be read.
@@ -40,37 +40,37 @@ pub enum ProfileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// Not the JSON that is written.
-    #[error("no profile: {0}")]
+    /// The file is not JSON of a profile.
+    #[error("not a profile: {0}")]
     Json(#[from] serde_json::Error),
-    /// Of another version of the format.
-    #[error("no profile: format_version is {0}, not 1")]
+    /// The version of the format is not supported.
+    #[error("unsupported profile: format_version is {0}, expected 1")]
     Version(u32),
-    /// Values out of range.
-    #[error("no profile: factors must be finite and not negative")]
+    /// A factor is out of range.
+    #[error("invalid profile: factors must be finite and not negative, at least one")]
     Factors,
     /// A sample cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
     /// No sample has a panorama.
-    #[error("no panorama in these samples")]
+    #[error("none of the samples has a panorama")]
     NoPanorama,
-    /// The handler asked for the end.
+    /// The event handler cancelled the computation.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
 
-/// Adds up the profiles of many samples.
+/// Accumulates the profile of many samples.
 #[derive(Clone, Debug, Default)]
 pub struct ProfileBuilder {
     sums: Vec<BandSums>,
     samples: usize,
 }
 
-/// Sums over one band, weighted by solid angle.
+/// Sums of one band, weighted by solid angle.
 #[derive(Clone, Copy, Debug, Default)]
 struct BandSums {
     log_ratio: f64,
@@ -79,7 +79,7 @@ struct BandSums {
 }
 
 impl ProfileBuilder {
-    /// Takes in all panoramas of a sample.
+    /// Adds all panoramas of a sample.
     pub fn add(&mut self, sample: &Sample) {
         let mean = luminance(mean_colour(sample));
         if mean < MIN_LUMINANCE || sample.views.is_empty() {
@@ -106,7 +106,7 @@ impl ProfileBuilder {
         }
     }
 
-    /// The profile; `None` where no sample had a panorama. Bands that small panoramas left out take their neighbour's value.
+    /// Returns the profile; `None` if no sample had a panorama. Empty bands take the nearest band's value.
     pub fn finish(self, dataset: &str) -> Option<Profile> {
         let covered = |band: &usize| self.sums[*band].angle > 0.0;
         let nearest = |band: usize| (0..self.sums.len()).filter(covered).min_by_key(|other| other.abs_diff(band));
@@ -119,11 +119,11 @@ impl ProfileBuilder {
 }
 
 impl Profile {
-    /// The profile of these samples of a dataset, which is called `name` in it.
+    /// Computes the profile of samples of a dataset; `name` is stored as the dataset's name.
     ///
     /// # Errors
-    /// Samples that cannot be read or have no panorama; a handler that asks for the end.
-    pub fn of(
+    /// Unreadable samples; no panorama in any sample; cancellation.
+    pub fn from_dataset(
         dataset: &dyn Dataset,
         indices: &[usize],
         name: &str,
@@ -142,19 +142,19 @@ impl Profile {
         builder.finish(name).ok_or(ProfileError::NoPanorama)
     }
 
-    /// Reads a file of [`Self::from_json`].
+    /// Reads a file, see [`Self::from_json`].
     ///
     /// # Errors
-    /// A file that cannot be read or is no profile.
+    /// Unreadable or invalid files.
     pub fn read(path: &Path) -> Result<Self, ProfileError> {
         let bytes = std::fs::read(path).map_err(|source| ProfileError::Io { path: path.to_owned(), source })?;
         Self::from_json(&bytes)
     }
 
-    /// Reads what was written with serde; a `generator`, the program that wrote it, may stand beside.
+    /// Parses a profile. An additional field `generator`, the program that wrote it, is ignored.
     ///
     /// # Errors
-    /// Says what is wrong with it.
+    /// Invalid or unsupported profiles.
     pub fn from_json(bytes: &[u8]) -> Result<Self, ProfileError> {
         let mut object: serde_json::Value = serde_json::from_slice(bytes)?;
         object.as_object_mut().map(|fields| fields.remove("generator"));
@@ -169,24 +169,24 @@ impl Profile {
         Ok(profile)
     }
 
-    /// Factor of the photo's mean luminance in a unit direction, between the bands' middles by interpolation.
+    /// Returns the factor of the photo's mean luminance in a unit direction, interpolated between bands.
     pub fn at(&self, direction: Vec3, up: Vec3) -> f32 {
         interpolated(&self.factors, direction, up)
     }
 
-    /// Luminance in a unit direction, whose mean over the sphere is about 1; `None` where the file has no linear
-    /// profile.
+    /// Returns the luminance in a unit direction, with a mean of about 1 over the sphere; `None` without linear
+    /// factors.
     pub fn linear_at(&self, direction: Vec3, up: Vec3) -> Option<f32> {
         self.linear_factors.as_ref().map(|factors| interpolated(factors, direction, up))
     }
 
-    /// Photos that it is the mean of.
+    /// Returns the number of photos averaged.
     pub fn samples(&self) -> usize {
         self.samples
     }
 }
 
-/// Value of bands of elevation in a unit direction.
+/// Interpolates the bands at a unit direction.
 fn interpolated(factors: &[f32], direction: Vec3, up: Vec3) -> f32 {
     let last = factors.len() - 1;
     let position = (height_of(direction, up) * factors.len() as f32 - 0.5).clamp(0.0, last as f32);
@@ -195,14 +195,14 @@ fn interpolated(factors: &[f32], direction: Vec3, up: Vec3) -> f32 {
     factors[first] * (1.0 - share) + factors[(first + 1).min(last)] * share
 }
 
-/// Mean luminance of a panorama over the sphere, above 0.
+/// Returns the mean luminance of a panorama over the sphere, above 0.
 fn mean_luminance(panorama: &RadianceImage) -> f64 {
     let angles = solid_angles_sr(panorama.width(), panorama.height());
     let weighted = panorama.pixels().iter().zip(&angles).map(|(&rgb, &angle)| luminance(rgb).max(0.0) * angle);
     weighted.map(f64::from).sum::<f64>().max(f64::MIN_POSITIVE) / angles.iter().map(|v| f64::from(*v)).sum::<f64>()
 }
 
-/// Mean colour of a photo in linear light, clipped as the photo is.
+/// Returns the mean linear colour of a photo. Clipped pixels are used as they are.
 pub(crate) fn mean_colour(sample: &Sample) -> [f32; 3] {
     let mut sum = [0.0f64; 3];
     for rgb in sample.photo.pixels() {
@@ -211,7 +211,7 @@ pub(crate) fn mean_colour(sample: &Sample) -> [f32; 3] {
     sum.map(|v| (v / sample.photo.pixels().len().max(1) as f64) as f32)
 }
 
-/// Elevation from straight down, 0, to straight up, 1.
+/// Returns the elevation from 0, straight down, to 1, straight up.
 fn height_of(direction: Vec3, up: Vec3) -> f32 {
     0.5 + direction.dot(up).clamp(-1.0, 1.0).asin() / std::f32::consts::PI
 }
@@ -232,17 +232,17 @@ mod tests {
             let rotation = Quat::from_rotation_x(angle);
             let mut sample = testing::sample();
             sample.up = Some(rotation * Vec3::Y);
-            // twice or six times as bright as the photo above the horizon, dark below
+            // Above the horizon 2 or 6 times as bright as the photo, dark below.
             let radiance = RadianceImage::from_fn(128, 64, |_, y| [if y < 32 { 2.0 * factor * grey } else { 0.0 }; 3]);
             sample.views = vec![NovelView { position_m: Vec3::ZERO, rotation, radiance, depth_m: None }];
             builder.add(&sample);
         }
         let profile = builder.finish("test").unwrap();
-        // e^((ln 3 + ln 7) / 2) − 1
+        // Expected: e^((ln 3 + ln 7) / 2) − 1.
         let expected = 21f32.sqrt() - 1.0;
         let at = |y: f32| profile.at(Vec3::new(0.0, y, 0.7).normalize(), Vec3::Y);
         assert!((at(0.6) - expected).abs() < 1e-3 && at(-0.6) < 1e-6, "{}", at(0.6));
-        // A panorama's own mean is half of its upper half.
+        // The mean of each panorama is half of its upper half's radiance.
         let linear = |y: f32| profile.linear_at(Vec3::new(0.0, y, 0.7).normalize(), Vec3::Y).unwrap();
         assert!((linear(0.6) - 2.0).abs() < 1e-3 && linear(-0.6) < 1e-6, "{}", linear(0.6));
         let copy = Profile::from_json(&serde_json::to_vec(&profile).unwrap()).unwrap();

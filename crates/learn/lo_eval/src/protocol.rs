@@ -1,5 +1,7 @@
-//! The two published protocols that DiffusionLight (Phongthawee et al. 2024) evaluates with, after the code and the scene files of
-//! DiffusionLight-evaluation (commit 7939661); docs/evaluation.md tells the facts and what differs here.
+//! The two published protocols used by DiffusionLight (Phongthawee et al. 2024).
+//!
+//! They follow the code and scene files of DiffusionLight-evaluation (commit 7939661). `docs/evaluation.md` lists the
+//! details and differences.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -15,19 +17,21 @@ use lo_sensor::{Interval, PhotoModel};
 
 use crate::spheres::{Material, SphereView, Transport, single_sphere, sphere_array};
 
-/// A published way to crop photos out of HDR panoramas and to compare what is estimated from them.
+/// A published protocol: crops of HDR panoramas, and metrics of estimated panoramas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
-    /// StyleLight (Wang et al. 2022): one crop of 60° (vertically) a panorama, three spheres under tone-mapped panoramas.
+    /// StyleLight (Wang et al. 2022): one crop per panorama with a vertical field of view of 60°, three spheres under
+    /// tone-mapped panoramas.
     ThreeSpheres,
-    /// Editable indoor lighting estimation (Weber et al. 2022): ten crops of 50°, nine diffuse spheres on a plane.
+    /// Editable indoor lighting estimation (Weber et al. 2022): ten crops of 50° per panorama, nine diffuse spheres on
+    /// a plane.
     SphereArray,
 }
 
-/// Panoramas that a protocol compares.
+/// Size of the panoramas that are compared.
 const MAP: [usize; 2] = [256, 128];
 
-/// Photos cut out of a folder of panoramas as a protocol says.
+/// Photos cropped from a folder of panoramas by a protocol.
 #[derive(Debug)]
 pub struct ProtocolCrops {
     panoramas: Panoramas,
@@ -35,7 +39,7 @@ pub struct ProtocolCrops {
 }
 
 impl Protocol {
-    /// Crops of each panorama.
+    /// Returns the number of crops per panorama.
     fn crops(self) -> usize {
         match self {
             Self::ThreeSpheres => 1,
@@ -51,10 +55,10 @@ impl Protocol {
             }
             Self::SphereArray => Camera::from_hfov_deg(50.0, 256, 192),
         };
-        camera.expect("a fixed field of view of a picture with pixels")
+        camera.expect("field of view and size are valid constants")
     }
 
-    /// The published photo's exposure and gamma: what a value is multiplied by after the power `1 / gamma`.
+    /// Returns the published gain and gamma: photos are `gain · value^(1 / gamma)`.
     fn exposure(self, panorama: &RadianceImage) -> (f32, f32) {
         let values = panorama.pixels().iter().flatten().copied();
         match self {
@@ -73,12 +77,12 @@ impl Protocol {
 }
 
 impl ProtocolCrops {
-    /// Looks for panoramas in a folder.
+    /// Opens a folder of panoramas.
     ///
     /// # Errors
     /// See [`Panoramas::open`].
     pub fn open(folder: &Path, protocol: Protocol) -> Result<Self, DatasetError> {
-        // the panorama itself is wanted: large, and with one gain for all channels
+        // The unchanged panorama is required: full size, no white balance error.
         let neutral = Interval::new(0.0, 0.0);
         let photo = PhotoModel { white_balance: neutral, white_balance_error: neutral, ..PhotoModel::default() };
         let model = CropModel { width: 16, height: 16, panorama_height: 1024, photo, ..CropModel::default() };
@@ -107,7 +111,7 @@ impl Dataset for ProtocolCrops {
         let rotation = view_rotation(azimuth, 0.0, 0.0);
         let camera = self.protocol.camera();
         let seen = perspective_from_equirectangular(&panorama, &camera, rotation);
-        // the photo's white in the panorama's units
+        // The photo's white in units of the panorama.
         let white = gain.powf(-gamma);
         let scaled = |rgb: &[f32; 3]| rgb.map(|v| v / white);
         let turned = turned(&panorama, |direction| rotation * direction);
@@ -133,7 +137,7 @@ impl Dataset for ProtocolCrops {
     }
 }
 
-/// The panorama at the size that is compared, its directions being `turn` of the camera's.
+/// Rotates and resizes a panorama; `turn` maps directions of the camera to the panorama's.
 fn turned(panorama: &RadianceImage, turn: impl Fn(Vec3) -> Vec3) -> RadianceImage {
     let (width, height) = (panorama.width(), panorama.height());
     let turned = Image::from_fn(width, height, |x, y| {
@@ -143,21 +147,21 @@ fn turned(panorama: &RadianceImage, turn: impl Fn(Vec3) -> Vec3) -> RadianceImag
     resize_equirectangular(&turned, MAP[0], MAP[1])
 }
 
-/// Compares panoramas by a protocol; both are in the camera's frame.
+/// Renders a protocol's spheres under panoramas in the camera's frame, and compares them.
 #[derive(Debug)]
 pub struct ProtocolRenders {
     protocol: Protocol,
-    /// Diffuse, matte silver and mirror, or the array alone.
+    /// The spheres (diffuse, silver, mirror), or the array of spheres.
     renders: Vec<(&'static str, Transport)>,
 }
 
-/// StyleLight's camera: 16 radii away and 2 up, 85 mm on a sensor of 36 mm with 960 pixels. Blender's −Y is our +X.
+/// StyleLight's camera: 16 radii away and 2 up, 85 mm on a sensor of 36 mm, 960 pixels wide. Blender's −Y is our +X.
 const STYLELIGHT_VIEW: SphereView = SphereView { eye: Vec3::new(16.0, 2.0, 0.0), focal_px: 960.0 * 85.0 / 36.0 };
-/// Pixels of its picture.
+/// Number of pixels of its image.
 const STYLELIGHT_PIXELS: f64 = 960.0 * 540.0;
 
 impl ProtocolRenders {
-    /// Prepares the protocol's spheres.
+    /// Precomputes the transport of the protocol's spheres.
     pub fn new(protocol: Protocol) -> Self {
         let renders = match protocol {
             Protocol::SphereArray => vec![("array", sphere_array())],
@@ -172,7 +176,7 @@ impl ProtocolRenders {
         Self { protocol, renders }
     }
 
-    /// Name of the figure → value.
+    /// Compares two panoramas; returns names and values of the figures.
     pub fn figures(&self, truth: &RadianceImage, got: &RadianceImage) -> Vec<(String, f64)> {
         let toned = |map: &RadianceImage| match self.protocol {
             Protocol::ThreeSpheres => stylelight_tone(map),
@@ -192,7 +196,7 @@ impl ProtocolRenders {
     }
 }
 
-/// `α I^(1/2.4)` with α such that the median of what is not black becomes 0.5; not clipped.
+/// Applies `α I^(1/2.4)`, where α maps the median of the non-black values to 0.5. Not clipped.
 fn stylelight_tone(map: &RadianceImage) -> RadianceImage {
     let powers = map.map(|rgb| rgb.map(|v| v.max(0.0).powf(1.0 / 2.4)));
     let lit: Vec<f32> = powers.pixels().iter().flatten().copied().filter(|v| *v > 0.0).collect();
@@ -202,12 +206,12 @@ fn stylelight_tone(map: &RadianceImage) -> RadianceImage {
 
 type Figures = [(&'static str, Option<f64>); 4];
 
-/// Squared errors are summed over the channels there, not averaged: √3 times ours.
+/// Returns StyleLight's figures. Its squared errors are summed over channels, not averaged: √3 times ours.
 fn three_spheres_figures(truth: &RadianceImage, got: &RadianceImage) -> Figures {
     let ones = vec![1.0; truth.pixels().len()];
     let summed = |value: Option<f64>| value.map(|v| 3f64.sqrt() * v);
     let normalised = |map: &RadianceImage| {
-        // percentiles are those of the whole picture: the rest of it is black
+        // Percentiles are taken over the whole image, which is black around the sphere.
         let values: Vec<f32> = map.pixels().iter().flatten().copied().collect();
         let step = (STYLELIGHT_SPHERE_PIXELS / map.pixels().len() as f64).max(1.0);
         let black = ((STYLELIGHT_PIXELS - STYLELIGHT_SPHERE_PIXELS) / step * 3.0) as usize;
@@ -223,10 +227,10 @@ fn three_spheres_figures(truth: &RadianceImage, got: &RadianceImage) -> Figures 
     ]
 }
 
-/// Pixels that the sphere covers: radius 140.84 pixels.
+/// Number of pixels of the sphere, of radius 140.84 pixels.
 const STYLELIGHT_SPHERE_PIXELS: f64 = 62_320.0;
 
-/// The truth's picture is exposed so that its 90th percentile is 0.8, and the estimate's by the same factor.
+/// Returns Weber et al.'s figures. Both images are scaled so that the truth's 90th percentile is 0.8.
 fn array_figures(truth: &RadianceImage, got: &RadianceImage) -> Figures {
     let ones = vec![1.0; truth.pixels().len()];
     let gain = 0.8 / (percentile(truth.pixels().iter().flatten().copied().collect(), 90.0) + 1e-10);
@@ -238,12 +242,12 @@ fn array_figures(truth: &RadianceImage, got: &RadianceImage) -> Figures {
         ("rmse", error),
         ("si_rmse", si_rmse(&truth, &got, &ones)),
         ("angular_deg", angular_error_deg(&truth, &got, &ones)),
-        // the peak is the brightest pixel of both pictures, as published
+        // The peak is the brightest pixel of both images, as published.
         ("psnr_db", error.map(|error| (20.0 * (f64::from(most) / error).log10()).min(100.0))),
     ]
 }
 
-/// NumPy's percentile with linear interpolation; 0 of nothing.
+/// Returns NumPy's percentile with linear interpolation; 0 without values.
 fn percentile(mut values: Vec<f32>, percent: f64) -> f32 {
     if values.is_empty() {
         return 0.0;

@@ -1,38 +1,38 @@
-//! What an evaluation gives, as data and as tables.
+//! Results of an evaluation, as data and tables.
 
 use lo_dataset::DatasetError;
 
 use crate::{Cost, Sheet, Summary};
 
-/// The figures of an evaluation.
+/// Results of an evaluation.
 #[derive(Debug)]
 pub struct Report {
-    /// Their names, in the order of the sheet's columns.
+    /// Names of the methods, in the order of the sheet's columns.
     pub methods: Vec<&'static str>,
-    /// Every outcome.
+    /// All outcomes.
     pub summary: Summary,
-    /// Pictures of some photos.
+    /// Contact sheet.
     pub sheet: Sheet,
-    /// Photos that were evaluated.
+    /// Number of photos evaluated.
     pub photos: usize,
-    /// Photos that should have been.
+    /// Number of photos requested.
     pub asked: usize,
-    /// Why the next photo could not be read, where that was the end.
+    /// Read error that ended the evaluation.
     pub unreadable: Option<DatasetError>,
 }
 
 impl Report {
-    /// The order of the sheet and all tables, in Markdown.
+    /// Returns the order of the sheet's columns and all tables, in Markdown.
     pub fn markdown(&self) -> String {
         let order = format!("sheet.png, from left to right: photo, truth, {}\n\n", self.methods.join(", "));
         order + &self.summary.markdown() + &self.summary.cost_markdown()
     }
 
-    /// A line for each photo and method; what cannot be said stays empty.
+    /// Returns a CSV record for each photo and method; missing figures are empty.
     pub fn scenes_csv(&self) -> String {
         let figures = self.summary.figures();
         let head = ["scene", "photo", "method", "not_possible"].map(str::to_owned);
-        let mut text = line(head.into_iter().chain(figures.iter().cloned()));
+        let mut text = csv_record(head.into_iter().chain(figures.iter().cloned()));
         for outcome in self.summary.outcomes() {
             let (scores, reason) = match &outcome.scores {
                 Ok(scores) => (Some(scores), String::new()),
@@ -40,26 +40,27 @@ impl Report {
             };
             let value = |figure: &String| scores.and_then(|scores| scores.get(figure)).map(|v| format!("{v:.6}"));
             let start = [outcome.scene.clone(), outcome.sample.clone(), outcome.method.to_owned(), reason];
-            text += &line(start.into_iter().chain(figures.iter().map(|figure| value(figure).unwrap_or_default())));
+            text +=
+                &csv_record(start.into_iter().chain(figures.iter().map(|figure| value(figure).unwrap_or_default())));
         }
         text
     }
 
-    /// Time and memory of each method on each photo.
+    /// Returns time and memory of each method on each photo, as CSV.
     pub fn costs_csv(&self) -> String {
-        let mut text = line(["photo", "method", "estimate_s", "panorama_s", "peak_mib"].map(str::to_owned));
+        let mut text = csv_record(["photo", "method", "estimate_s", "panorama_s", "peak_mib"].map(str::to_owned));
         for outcome in self.summary.outcomes().iter().filter(|outcome| outcome.scores.is_ok()) {
             let Cost { estimate_s, panorama_s, peak_mib } = outcome.cost;
             let peak = peak_mib.map_or_else(String::new, |mib| format!("{mib:.1}"));
             let numbers = [format!("{estimate_s:.6}"), format!("{panorama_s:.6}"), peak];
-            text += &line([outcome.sample.clone(), outcome.method.to_owned()].into_iter().chain(numbers));
+            text += &csv_record([outcome.sample.clone(), outcome.method.to_owned()].into_iter().chain(numbers));
         }
         text
     }
 }
 
-/// A record as RFC 4180 has it, but for the end of the line.
-fn line(cells: impl IntoIterator<Item = String>) -> String {
+/// Formats an RFC 4180 record that ends in LF.
+fn csv_record(cells: impl IntoIterator<Item = String>) -> String {
     let quoted = |cell: String| {
         if cell.contains([',', '"', '\n', '\r']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell }
     };

@@ -1,4 +1,4 @@
-//! All figures of one method on one sample.
+//! Figures of one method on one sample.
 
 use lo_dataset::{Sample, TrueLeaves, seen_mask, true_octree};
 use lo_geometry::Vec3;
@@ -10,30 +10,30 @@ use lo_metrics::{
 use serde::Serialize;
 
 use crate::spheres::{Material, SphereView, Transport, single_sphere};
-use crate::{Estimate, Light, ProtocolRenders, SplitAgreement, coherence};
+use crate::{EstimatedLight, MethodOutput, ProtocolRenders, SplitAgreement, coherence};
 
-/// Named figures; what cannot be said of a sample is missing.
+/// Named figures; figures that do not apply to a sample are missing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Scores(Vec<(String, f64)>);
 
 impl Scores {
-    /// A figure by its name.
+    /// Returns a figure by its name.
     pub fn get(&self, name: &str) -> Option<f64> {
         self.0.iter().find(|(own, _)| own == name).map(|(_, value)| *value)
     }
 
-    /// All of them, in the order of the tables.
+    /// Returns all figures, in the order of the tables.
     pub fn iter(&self) -> impl Iterator<Item = (&str, f64)> {
         self.0.iter().map(|(name, value)| (&name[..], *value))
     }
 
-    /// Adds a figure, where there is one.
+    /// Adds a figure, if there is a value.
     pub fn add(&mut self, name: impl Into<String>, value: Option<f64>) {
         self.0.extend(value.map(|value| (name.into(), value)));
     }
 
-    /// Mean of each figure over those that have it; the order is that of first appearance.
+    /// Returns the mean of each figure over the scores that have it, in order of first appearance.
     pub fn mean<'a>(all: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut sums: Vec<(&str, f64, usize)> = Vec::new();
         for scores in all {
@@ -54,7 +54,7 @@ impl FromIterator<(String, f64)> for Scores {
     }
 }
 
-/// Makes scores; holds the spheres.
+/// Computes scores. Holds the precomputed spheres.
 #[derive(Debug)]
 pub struct Scorer {
     spheres: Vec<(&'static str, Transport)>,
@@ -62,9 +62,9 @@ pub struct Scorer {
 }
 
 impl Scorer {
-    /// With the project's own three spheres, or with a published protocol's.
+    /// Creates a scorer with three spheres of the project, or with those of a published protocol.
     pub fn new(protocol: Option<ProtocolRenders>) -> Self {
-        // seen from where the viewer of the panorama's centre stands, 72 and 288 pixels across
+        // Seen from the direction opposite the panorama's centre; 72 or 288 pixels across.
         let view = SphereView { eye: Vec3::new(0.0, 0.0, 16.0), focal_px: 2300.0 };
         let spheres = [
             ("diffuse", Material::Diffuse { albedo: 1.0 }),
@@ -78,13 +78,13 @@ impl Scorer {
         Self { spheres, protocol }
     }
 
-    /// Panoramas that an estimate gives at the sample's views, in order.
-    pub fn panoramas(sample: &Sample, estimate: &Estimate) -> Vec<RadianceImage> {
+    /// Renders the panoramas of an estimate at the sample's views, in order.
+    pub fn panoramas(sample: &Sample, estimate: &MethodOutput) -> Vec<RadianceImage> {
         sample.views.iter().map(|view| estimate.panorama(view)).collect()
     }
 
-    /// Figures of an estimate whose [`panoramas`](Self::panoramas) are at hand: means over the sample's views.
-    pub fn score(&self, sample: &Sample, estimate: &Estimate, panoramas: &[RadianceImage]) -> Scores {
+    /// Scores an estimate by its [`panoramas`](Self::panoramas): means over the sample's views.
+    pub fn score(&self, sample: &Sample, estimate: &MethodOutput, panoramas: &[RadianceImage]) -> Scores {
         let views: Vec<Scores> = sample
             .views
             .iter()
@@ -115,20 +115,22 @@ impl Scorer {
     }
 }
 
-/// |log₂| of the ratio of mean luminances: by how much the exposure would have to change. `None` where one picture is black.
+/// Returns |log₂| of the ratio of mean luminances, an exposure error; `None` if one image is black.
 fn stops(truth: &RadianceImage, got: &RadianceImage) -> Option<f64> {
     let sum = |image: &RadianceImage| image.pixels().iter().map(|&rgb| f64::from(luminance(rgb))).sum::<f64>();
     let (truth, got) = (sum(truth), sum(got));
     (truth > 0.0 && got > 0.0).then(|| (got / truth).log2().abs())
 }
 
-/// Figures of a whole panorama and of its seen and unseen parts.
+/// Adds the figures of a whole panorama and of its seen and unseen parts.
 fn parts(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, angles: &[f32], seen: Option<&[bool]>) {
-    let of = |wanted: bool| -> Option<Vec<f32>> {
+    let part_weights = |wanted: bool| -> Option<Vec<f32>> {
         let part = |(&angle, &seen): (&f32, &bool)| if seen == wanted { angle } else { 0.0 };
         seen.map(|seen| angles.iter().zip(seen).map(part).collect())
     };
-    for (prefix, weights) in [("", Some(angles.to_vec())), ("seen_", of(true)), ("unseen_", of(false))] {
+    for (prefix, weights) in
+        [("", Some(angles.to_vec())), ("seen_", part_weights(true)), ("unseen_", part_weights(false))]
+    {
         let Some(weights) = weights else { continue };
         let db = |curve| psnr_db(truth, got, &weights, curve).map(|db| db.min(MAX_PSNR_DB));
         scores.add(format!("{prefix}psnr_db"), db(PsnrCurve::ClippedSrgb));
@@ -141,9 +143,9 @@ fn parts(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, angles
     }
 }
 
-/// Figures of the light that a panorama throws on objects.
+/// Adds the figures of light on objects.
 fn light_on_objects(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, seen: Option<&[bool]>) {
-    let Some(light) = LightOnObjects::of(truth, got, seen) else { return };
+    let Some(light) = LightOnObjects::compare(truth, got, seen) else { return };
     scores.add("contrast_stops", Some(light.contrast_stops));
     scores.add("true_contrast_stops", Some(light.true_contrast_stops));
     scores.add("anisotropy", Some(light.anisotropy));
@@ -154,10 +156,10 @@ fn light_on_objects(scores: &mut Scores, truth: &RadianceImage, got: &RadianceIm
     scores.add("unseen_irradiance_angular_deg", light.unseen_angular_deg);
 }
 
-/// Figures of depth and of the octree's structure.
-fn scene(scores: &mut Scores, sample: &Sample, estimate: &Estimate) {
+/// Adds the figures of depth, up vector, prior and octree structure.
+fn scene(scores: &mut Scores, sample: &Sample, estimate: &MethodOutput) {
     let depth = sample.depth_m.as_ref().zip(estimate.depth_m.as_ref());
-    if let Some(errors) = depth.and_then(|(truth, got)| DepthErrors::of(truth, got)) {
+    if let Some(errors) = depth.and_then(|(truth, got)| DepthErrors::compare(truth, got)) {
         scores.add("depth_abs_rel", Some(errors.abs_rel));
         scores.add("depth_scaled_abs_rel", Some(errors.scaled_abs_rel));
         scores.add("depth_scale", Some(errors.scale));
@@ -176,13 +178,13 @@ fn scene(scores: &mut Scores, sample: &Sample, estimate: &Estimate) {
         scores.add("prior_warned", Some(f64::from(u8::from(prior.is_warned))));
         scores.add("prior_seen_unchanged", prior.seen_unchanged);
     }
-    let Light::Octree { octree, .. } = &estimate.light else { return };
+    let EstimatedLight::Octree { octree, .. } = &estimate.light else { return };
     if sample.points.is_empty() {
         return;
     }
     let (depth, full_depth) = (octree.octree.depth(), octree.octree.full_depth());
     let truth = true_octree(&sample.points, TrueLeaves::All, octree.cube, depth, full_depth).ok();
-    if let Some(agreement) = truth.and_then(|truth| SplitAgreement::of(&truth, octree)) {
+    if let Some(agreement) = truth.and_then(|truth| SplitAgreement::compare(&truth, octree)) {
         scores.add("split_accuracy", Some(agreement.accuracy));
         scores.add("split_precision", Some(agreement.precision));
         scores.add("split_recall", Some(agreement.recall));
@@ -234,12 +236,12 @@ mod tests {
         let contrast = |scores: &Scores| figure(scores, "contrast_stops");
         assert!((contrast(&octree) / figure(&octree, "true_contrast_stops") - 1.0).abs() < 0.05, "{octree:?}");
         assert!(contrast(&mean) < 2e-3 && mean.get("vector_deg").is_none() && figure(&octree, "vector_deg") < 5.0);
-        // the true octree is split as itself, true depth has no error
+        // The true octree agrees with itself, and true depth has no error.
         assert_eq!(octree.get("split_accuracy"), Some(1.0));
-        assert!(figure(&shell, "split_accuracy") < 1.0, "it assumes other heights of floor and ceiling");
+        assert!(figure(&shell, "split_accuracy") < 1.0, "its assumed floor and ceiling heights differ");
         assert!(figure(&shell, "depth_abs_rel") < 1e-6 && figure(&shell, "depth_delta1") == 1.0);
         assert_eq!((mean.get("depth_abs_rel"), mean.get("split_accuracy"), mean.get("up_deg")), (None, None, None));
-        assert!(figure(&shell, "up_deg") < 1.0, "floor and walls are seen");
+        assert!(figure(&shell, "up_deg") < 1.0, "floor and walls are observed");
         assert!(matches!(Method::Network(None).estimate(&sample, &tools), Err(crate::MethodError::Needs("weights"))));
         let bare = testing::sample();
         let error = Method::Shell(DepthInput::True).estimate(&bare, &tools).err().unwrap();

@@ -1,24 +1,24 @@
-//! A picture to be looked at: photos, true panoramas and what methods make of them, side by side.
+//! Contact sheet: photos, true panoramas and estimated panoramas side by side.
 
 use lo_dataset::Sample;
 use lo_imaging::{Image, RadianceImage, ToneCurve, contact_sheet, photo_tile, resize_equirectangular};
 
-/// Size of a panorama on the sheet in pixels; photos are as high.
+/// Size of a panorama on the sheet, pixels. Photos have the same height.
 const TILE: [usize; 2] = [256, 128];
 const GAP: usize = 4;
-/// Where a method gave nothing.
+/// Colour of missing panoramas.
 pub(crate) const NOTHING: [u8; 3] = [60, 28, 28];
 
-/// One row a sample.
+/// A contact sheet with one row per sample.
 #[derive(Clone, Debug, Default)]
 pub struct Sheet {
     rows: Vec<Vec<Image<[u8; 3]>>>,
 }
 
 impl Sheet {
-    /// Adds the first panorama of a sample: its photo, the truth, and each method's panorama or nothing.
+    /// Adds a row: the photo, its first true panorama, and each method's panorama.
     ///
-    /// All panoramas of a row are tone-mapped alike ([`ToneCurve::Aces`], the photo's white staying white).
+    /// All panoramas are tone-mapped by [`ToneCurve::Aces`] at the photo's exposure.
     pub fn add(&mut self, sample: &Sample, panoramas: &[Option<RadianceImage>]) {
         let photo = &sample.photo;
         let width = (TILE[1] * photo.width()).div_ceil(photo.height().max(1)).clamp(1, 3 * TILE[1]);
@@ -32,22 +32,22 @@ impl Sheet {
         self.rows.push(row);
     }
 
-    /// Adds pictures as they are.
+    /// Adds a row of images as they are.
     pub fn add_row(&mut self, pictures: Vec<Image<[u8; 3]>>) {
         self.rows.push(pictures);
     }
 
-    /// Rows so far.
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Whether there is nothing to see.
+    /// Returns whether the sheet has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// The sheet.
+    /// Lays out the sheet as one image.
     pub fn picture(&self) -> Image<[u8; 3]> {
         let rows: Vec<&[Image<[u8; 3]>]> = self.rows.iter().map(|row| &row[..]).collect();
         contact_sheet(&rows, GAP)

@@ -1,4 +1,4 @@
-//! Tables of many samples and methods.
+//! Tables over samples and methods.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -8,31 +8,31 @@ use serde_json::json;
 
 use crate::{MethodError, Scores};
 
-/// What came of one method on one sample.
+/// Outcome of one method on one sample.
 #[derive(Debug)]
 pub struct Outcome {
-    /// The sample.
+    /// Identifier of the sample.
     pub sample: String,
-    /// Its scene.
+    /// Identifier of its scene.
     pub scene: String,
     /// Name of the method.
     pub method: &'static str,
-    /// What kind of light it is, for tables of their own.
+    /// Lighting condition; each condition gets its own tables.
     pub condition: Option<&'static str>,
-    /// Figures, or why there are none.
+    /// Figures, or the reason for having none.
     pub scores: Result<Scores, MethodError>,
-    /// What it took; measured, so never the same twice.
+    /// Measured time and memory; not reproducible.
     pub cost: Cost,
 }
 
 /// Time and memory of a method on a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Cost {
-    /// From photo to light, seconds.
+    /// Time from photo to light, seconds.
     pub estimate_s: f64,
-    /// One panorama of the sample's size, seconds.
+    /// Time per panorama of the sample's size, seconds.
     pub panorama_s: f64,
-    /// Highest resident memory of the whole process meanwhile, MiB, where the system tells.
+    /// Peak resident memory of the process, MiB, if the system reports it.
     pub peak_mib: Option<f64>,
 }
 
@@ -42,19 +42,19 @@ pub struct Summary {
     outcomes: Vec<Outcome>,
 }
 
-/// A method's line of the tables.
-struct Line<'a> {
+/// Results of one method: its row of the tables.
+struct MethodRow<'a> {
     method: &'static str,
     samples: usize,
     failures: BTreeMap<String, usize>,
     /// Scene → mean of its samples.
     scenes: Vec<(&'a str, Scores)>,
-    /// Over the scenes.
+    /// Mean over the scenes.
     mean: Scores,
     cost: Cost,
 }
 
-/// Heading of a table, and its columns: figure, head, digits.
+/// Title of a table, and its columns: figure, heading, digits.
 type Table = (&'static str, &'static [(&'static str, &'static str, usize)]);
 
 const TABLES: [Table; 11] = [
@@ -191,7 +191,7 @@ const TABLES: [Table; 11] = [
     ),
 ];
 
-/// Figures whose medians over scenes stand in the tables: their means are those of few scenes.
+/// Figures tabulated as medians over scenes: outliers dominate their means.
 const MEDIANS: [&str; 8] = [
     "contrast_stops",
     "true_contrast_stops",
@@ -203,17 +203,16 @@ const MEDIANS: [&str; 8] = [
     "dominant_log2_intensity",
 ];
 
-/// Figures whose quartiles are given beside the median.
+/// Figures with quartiles beside the median.
 const QUARTILES: [&str; 2] = ["contrast_stops", "true_contrast_stops"];
 
-/// Figures that are ratios of two others: in a scene of its sums, in the mean of the sums over all scenes, so that a
-/// scene with a small divisor counts for little.
+/// Figures that are ratios of the sums of two others, so that small divisors have little weight.
 const RATIOS: [(&str, [&str; 2]); 2] = [
     ("shadow_strength_near", ["shadow_darkening_near", "true_shadow_darkening_near"]),
     ("shadow_strength_far", ["shadow_darkening_far", "true_shadow_darkening_far"]),
 ];
 
-/// Figures for which scenes won are counted.
+/// Figures with a table of scenes won.
 const CONTESTS: [&str; 9] = [
     "psnr_db",
     "unseen_si_rmse",
@@ -227,17 +226,17 @@ const CONTESTS: [&str; 9] = [
 ];
 
 impl Summary {
-    /// Takes in an outcome.
+    /// Adds an outcome.
     pub fn add(&mut self, outcome: Outcome) {
         self.outcomes.push(outcome);
     }
 
-    /// All outcomes, in the order in which they came.
+    /// Returns all outcomes, in the order of addition.
     pub fn outcomes(&self) -> &[Outcome] {
         &self.outcomes
     }
 
-    /// All figures that occur, those of the tables first and in their order.
+    /// Returns the names of all figures; those of the tables come first, in their order.
     pub fn figures(&self) -> Vec<String> {
         let mut found: Vec<String> = Vec::new();
         let known = TABLES.iter().flat_map(|(_, columns)| columns.iter().map(|(figure, ..)| *figure));
@@ -251,105 +250,106 @@ impl Summary {
         found
     }
 
-    /// The tables in Markdown: means over scenes of the means over each scene's samples, and who wins how many scenes. Where outcomes have
-    /// conditions, the tables of each follow.
+    /// Returns the tables in Markdown: means over scenes, and scenes won by each method.
+    ///
+    /// The samples of a scene are averaged first. Tables of each lighting condition follow, if there are any.
     pub fn markdown(&self) -> String {
-        let lines = self.lines(None);
+        let methods = self.rows(None);
         let mut text = String::new();
-        self.tables(&mut text, &lines, "");
+        self.tables(&mut text, &methods, "");
         for figure in CONTESTS {
-            contest(&mut text, figure, &lines);
+            contest(&mut text, figure, &methods);
         }
-        failures(&mut text, &lines);
+        failures(&mut text, &methods);
         let conditions: BTreeSet<&str> = self.outcomes.iter().filter_map(|outcome| outcome.condition).collect();
         for condition in conditions {
-            self.tables(&mut text, &self.lines(Some(condition)), &format!(", {condition}"));
+            self.tables(&mut text, &self.rows(Some(condition)), &format!(", {condition}"));
         }
         text
     }
 
-    fn tables(&self, text: &mut String, lines: &[Line], condition: &str) {
+    fn tables(&self, text: &mut String, methods: &[MethodRow], condition: &str) {
         for (title, columns) in TABLES {
             let shown: Vec<_> = columns
                 .iter()
-                .filter(|(figure, ..)| lines.iter().any(|line| line.mean.get(figure).is_some()))
+                .filter(|(figure, ..)| methods.iter().any(|row| row.mean.get(figure).is_some()))
                 .collect();
             if shown.is_empty() {
                 continue;
             }
             let mut head = vec!["method".to_owned(), "photos".to_owned()];
             head.extend(shown.iter().map(|(_, name, _)| (*name).to_owned()));
-            let rows = lines.iter().filter(|line| shown.iter().any(|(figure, ..)| line.mean.get(figure).is_some()));
-            let rows = rows.map(|line| {
+            let rows = methods.iter().filter(|row| shown.iter().any(|(figure, ..)| row.mean.get(figure).is_some()));
+            let rows = rows.map(|row| {
                 let figures = shown.iter().map(|(figure, _, digits)| {
                     if !MEDIANS.contains(figure) {
-                        return number(line.mean.get(figure), *digits);
+                        return number(row.mean.get(figure), *digits);
                     }
-                    let [lower, middle, upper] = QUANTILES.map(|share| number(line.quantile(figure, share), *digits));
+                    let [lower, middle, upper] = QUANTILES.map(|share| number(row.quantile(figure, share), *digits));
                     if QUARTILES.contains(figure) { format!("{middle} ({lower}, {upper})") } else { middle }
                 });
-                [line.method.to_owned(), line.samples.to_string()].into_iter().chain(figures).collect()
+                [row.method.to_owned(), row.samples.to_string()].into_iter().chain(figures).collect()
             });
             table(text, &format!("{title}{condition}"), &head, rows);
         }
     }
 
-    /// The table of time and memory in Markdown.
+    /// Returns the table of time and memory in Markdown.
     pub fn cost_markdown(&self) -> String {
         let mut text = String::new();
         let head = ["method", "photo → light, s", "panorama, ms", "peak memory, MiB"].map(str::to_owned);
-        let rows = self.lines(None).into_iter().filter(|line| line.samples > 0).map(|line| {
-            let Cost { estimate_s, panorama_s, peak_mib } = line.cost;
+        let rows = self.rows(None).into_iter().filter(|row| row.samples > 0).map(|row| {
+            let Cost { estimate_s, panorama_s, peak_mib } = row.cost;
             vec![
-                line.method.to_owned(),
+                row.method.to_owned(),
                 number(Some(estimate_s), 3),
                 number(Some(1e3 * panorama_s), 1),
                 number(peak_mib, 0),
             ]
         });
-        table(&mut text, "Cost (medians; memory: the largest)", &head, rows);
+        table(&mut text, "Cost (medians; memory: maximum)", &head, rows);
         text
     }
 
-    /// The same as JSON: for every method its counts, means, medians and quartiles over scenes, and cost.
+    /// Returns the summary as JSON: counts, means, medians and quartiles over scenes, and cost of each method.
     pub fn json(&self) -> serde_json::Value {
         let methods: Vec<_> = self
-            .lines(None)
+            .rows(None)
             .into_iter()
-            .map(|line| {
-                let figures: serde_json::Map<_, _> = line
+            .map(|row| {
+                let figures: serde_json::Map<_, _> = row
                     .mean
                     .iter()
                     .map(|(figure, mean)| {
-                        let [lower, median, upper] = QUANTILES.map(|share| line.quantile(figure, share));
+                        let [lower, median, upper] = QUANTILES.map(|share| row.quantile(figure, share));
                         (figure.to_owned(), json!({ "mean": mean, "median": median, "quartiles": [lower, upper] }))
                     })
                     .collect();
                 json!({
-                    "method": line.method,
-                    "photos": line.samples,
-                    "scenes": line.scenes.len(),
-                    "not_possible": line.failures,
+                    "method": row.method,
+                    "photos": row.samples,
+                    "scenes": row.scenes.len(),
+                    "not_possible": row.failures,
                     "figures": figures,
-                    "cost": line.cost,
+                    "cost": row.cost,
                 })
             })
             .collect();
         json!({ "methods": methods })
     }
 
-    /// Of all methods, of outcomes under one condition or of all.
-    fn lines(&self, condition: Option<&str>) -> Vec<Line<'_>> {
+    /// Returns the rows of all methods, over outcomes of one condition or of all.
+    fn rows(&self, condition: Option<&str>) -> Vec<MethodRow<'_>> {
         let mut methods: Vec<&'static str> = Vec::new();
         for outcome in &self.outcomes {
             if !methods.contains(&outcome.method) {
                 methods.push(outcome.method);
             }
         }
-        methods.into_iter().map(|method| self.line(method, condition)).collect()
+        methods.into_iter().map(|method| self.row(method, condition)).collect()
     }
 
-    fn line(&self, method: &'static str, condition: Option<&str>) -> Line<'_> {
+    fn row(&self, method: &'static str, condition: Option<&str>) -> MethodRow<'_> {
         let asked = |outcome: &&Outcome| condition.is_none_or(|condition| outcome.condition == Some(condition));
         let own = || self.outcomes.iter().filter(|outcome| outcome.method == method).filter(asked);
         let mut failures = BTreeMap::new();
@@ -374,11 +374,11 @@ impl Summary {
             panorama_s: median(costs().map(|cost| cost.panorama_s).collect()).unwrap_or(0.0),
             peak_mib: costs().filter_map(|cost| cost.peak_mib).max_by(f64::total_cmp),
         };
-        Line { method, samples, failures, scenes, mean, cost }
+        MethodRow { method, samples, failures, scenes, mean, cost }
     }
 }
 
-/// Adds the ratios of means over one and the same samples: these are the ratios of their sums.
+/// Adds the ratio figures. Ratios of means over the same samples equal ratios of sums.
 fn add_ratios(mean: &mut Scores) {
     for (figure, [dividend, divisor]) in RATIOS {
         let both = mean.get(dividend).zip(mean.get(divisor));
@@ -386,23 +386,23 @@ fn add_ratios(mean: &mut Scores) {
     }
 }
 
-impl Line<'_> {
-    /// A quantile of a figure over the scenes that have it.
+impl MethodRow<'_> {
+    /// Returns a quantile of a figure over the scenes that have it.
     fn quantile(&self, figure: &str, share: f64) -> Option<f64> {
         quantile(self.scenes.iter().filter_map(|(_, scores)| scores.get(figure)).collect(), share)
     }
 }
 
-/// How many scenes each method (line) wins against each other one (column).
-fn contest(text: &mut String, figure: &str, lines: &[Line]) {
+/// Writes a table of scenes won by each method (row) against each other (column).
+fn contest(text: &mut String, figure: &str, methods: &[MethodRow]) {
     let more_is_better = figure.ends_with("psnr_db");
-    let able: Vec<&Line> = lines.iter().filter(|line| line.mean.get(figure).is_some()).collect();
-    if able.len() < 2 {
+    let compared: Vec<&MethodRow> = methods.iter().filter(|row| row.mean.get(figure).is_some()).collect();
+    if compared.len() < 2 {
         return;
     }
     let head: Vec<String> =
-        std::iter::once("wins against →".to_owned()).chain(able.iter().map(|line| line.method.to_owned())).collect();
-    let won = |a: &Line, b: &Line| {
+        std::iter::once("wins against →".to_owned()).chain(compared.iter().map(|row| row.method.to_owned())).collect();
+    let won = |a: &MethodRow, b: &MethodRow| {
         let pairs = a.scenes.iter().filter_map(|(scene, scores)| {
             let (_, other) = b.scenes.iter().find(|(own, _)| own == scene)?;
             Some((scores.get(figure)?, other.get(figure)?))
@@ -414,16 +414,17 @@ fn contest(text: &mut String, figure: &str, lines: &[Line]) {
         }
         if a.method == b.method || all == 0 { "–".to_owned() } else { format!("{wins}/{all}") }
     };
-    let rows =
-        able.iter().map(|a| std::iter::once(a.method.to_owned()).chain(able.iter().map(|b| won(a, b))).collect());
+    let rows = compared
+        .iter()
+        .map(|a| std::iter::once(a.method.to_owned()).chain(compared.iter().map(|b| won(a, b))).collect());
     table(text, &format!("Scenes won, {figure}"), &head, rows);
 }
 
-fn failures(text: &mut String, lines: &[Line]) {
-    for line in lines {
-        for (reason, count) in &line.failures {
-            // writing into a String cannot fail
-            let _ = writeln!(text, "{}: not possible on {count} photos: {reason}\n", line.method);
+fn failures(text: &mut String, methods: &[MethodRow]) {
+    for row in methods {
+        for (reason, count) in &row.failures {
+            // Writing into a String cannot fail.
+            let _ = writeln!(text, "{}: not possible on {count} photos: {reason}\n", row.method);
         }
     }
 }
@@ -447,13 +448,13 @@ fn median(values: Vec<f64>) -> Option<f64> {
     quantile(values, 0.5)
 }
 
-/// NumPy's default: linear between the two values beside `share` of the way from the least to the largest.
+/// Returns NumPy's default quantile, with linear interpolation; `None` without values.
 fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);
-    let place = share * values.len().saturating_sub(1) as f64;
-    let lower = values.get(place as usize)?;
-    let upper = values.get(place.ceil() as usize)?;
-    Some(lower + place.fract() * (upper - lower))
+    let position = share * values.len().saturating_sub(1) as f64;
+    let lower = values.get(position as usize)?;
+    let upper = values.get(position.ceil() as usize)?;
+    Some(lower + position.fract() * (upper - lower))
 }
 
 #[cfg(test)]
@@ -477,7 +478,7 @@ mod tests {
         let needs = Err(MethodError::Needs("true depth"));
         summary.add(Outcome { scores: needs, ..outcome("b", 0, "shell-true", 0.0) });
         let text = summary.markdown();
-        // (15 + 21) / 2, not the mean of three
+        // (15 + 21) / 2, not the mean of three samples.
         assert!(text.contains("| mean-colour | 3 | 18.00 |"), "{text}");
         assert!(text.contains("| network | 1/2 | – |"), "{text}");
         assert!(text.contains("shell-true: not possible on 1 photos: needs true depth"), "{text}");
@@ -491,7 +492,7 @@ mod tests {
     #[test]
     fn the_strength_of_shadows_is_a_ratio_of_sums() {
         let mut summary = Summary::default();
-        // A room without any true shadow to speak of has a ratio of 50.
+        // A room with almost no true shadow has a ratio of 50.
         for (scene, number, got, truth) in [("a", 0, 1.0, 2.0), ("a", 1, 3.0, 6.0), ("b", 0, 0.5, 0.01)] {
             let figures = [("shadow_darkening_near", got), ("true_shadow_darkening_near", truth)];
             let scores = Scores::from_iter(figures.map(|(figure, value)| (figure.to_owned(), value)));
@@ -499,7 +500,7 @@ mod tests {
         }
         let figure = &summary.json()["methods"][0]["figures"]["shadow_strength_near"];
         assert!((figure["mean"].as_f64().unwrap() - 2.5 / 4.01).abs() < 1e-9, "{figure}");
-        // Of the rooms 0.5 and 50.
+        // Median of 0.5 and 50.
         assert!((figure["median"].as_f64().unwrap() - 25.25).abs() < 1e-9, "{figure}");
         assert!(summary.markdown().contains("| fitted | 3 | 0.62 |"), "{}", summary.markdown());
     }

@@ -1,4 +1,4 @@
-//! Samples of known light for the tests.
+//! Samples with known light, for tests.
 #![allow(clippy::unwrap_used)]
 
 use lo_dataset::{Metadata, NovelView, Sample};
@@ -6,7 +6,7 @@ use lo_geometry::{Camera, Quat, Vec3, pixel_direction};
 use lo_imaging::{DepthMap, Image, RadianceImage, srgb8_from_linear};
 use lo_octree::{Provenance, RadiancePoint};
 
-/// 96 × 64 pixels of grey, 65 degrees across, nothing else.
+/// Returns a grey photo of 96 × 64 pixels with a field of view of 65°, without other data.
 pub(crate) fn sample() -> Sample {
     Sample {
         id: "room-0".to_owned(),
@@ -26,10 +26,10 @@ pub(crate) fn sample() -> Sample {
     }
 }
 
-/// Half of the edge of the cubic room, metres.
+/// Half the edge of the cubic room, metres.
 const HALF_M: f32 = 2.0;
 
-/// Radiance of the room's walls: each its own colour, brighter upwards.
+/// Returns the radiance of the room's walls: a colour for each pair of walls, brighter upwards.
 fn wall(point: Vec3) -> [f32; 3] {
     let height = 0.5 + 0.2 * point.y;
     if point.x.abs() > 1.999 {
@@ -41,13 +41,15 @@ fn wall(point: Vec3) -> [f32; 3] {
     }
 }
 
-/// Distance to the room's wall along a unit direction.
+/// Returns the distance to the room's wall along a unit direction.
 fn distance(origin: Vec3, direction: Vec3) -> f32 {
     let along = |o: f32, d: f32| if d == 0.0 { f32::INFINITY } else { (HALF_M.copysign(d) - o) / d };
     along(origin.x, direction.x).min(along(origin.y, direction.y)).min(along(origin.z, direction.z))
 }
 
-/// A cubic room of 4 m with the camera in its middle: true depth, surface points, and panoramas at the camera and before it.
+/// Returns a cubic room of 4 m with the camera at its centre.
+///
+/// It has true depth, surface points, and panoramas at the camera and in front of it.
 pub(crate) fn box_room() -> Sample {
     let mut sample = sample();
     let camera = sample.camera;

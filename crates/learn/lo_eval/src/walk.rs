@@ -1,4 +1,4 @@
-//! A probe that walks a metre: the light must change gradually, and what is near must move as geometry says.
+//! A probe that moves one metre: light must change gradually, and near features must show the correct parallax.
 
 use lo_cone::Cone;
 use lo_dataset::{NovelView, Sample};
@@ -6,59 +6,62 @@ use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::{DepthMap, RadianceImage, luminance, sample_equirectangular};
 use lo_metrics::solid_angles_sr;
 
-use crate::method::traced;
-use crate::{Estimate, Light};
+use crate::method::trace;
+use crate::{EstimatedLight, MethodOutput};
 
-/// Length of the walk, metres, and its steps.
+/// Length of the path, metres, and its number of steps.
 const LENGTH_M: f32 = 1.0;
 const STEPS: usize = 100;
-/// Free space beyond the end of the walk, metres.
+/// Free space beyond the end of the path, metres.
 const CLEARANCE_M: f32 = 0.4;
-/// Panorama of each step.
+/// Size of the panorama of each step.
 const STEP_MAP: [usize; 2] = [128, 64];
 
-/// Pixels of the panorama that errors are stated in, around the horizon.
+/// Width of the panorama in whose pixels errors are stated.
 const PIXELS_AROUND: f32 = 256.0;
-/// Features that are followed at most, and what must at least be found again.
+/// Largest number of tracked features, and smallest number of matches.
 const MAX_FEATURES: usize = 120;
 const MIN_FEATURES: usize = 8;
-/// A feature is a square of this many samples of half a pixel, sought this many samples around.
+/// Side of a feature patch, and search radius; in samples of half a pixel.
 const PATCH: usize = 13;
 const REACH: usize = 16;
-/// Rows that a panorama needs for the neighbourhoods of corners.
+/// Smallest height of a panorama for corner detection.
 const MIN_ROWS: usize = 16;
-/// Least correlation of a feature that counts as found again.
+/// Smallest correlation of a match.
 const MIN_CORRELATION: f32 = 0.85;
 
-/// What a walk showed.
+/// Figures of a moving probe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Walk {
-    /// Largest change from one step to the next over the median one, changes being means of |Δ ln(1 + radiance)| over the sphere; missing
-    /// where nothing changes, as of a single map.
+    /// Largest change between steps over the median change, as the mean of |Δ ln(1 + radiance)| over the sphere.
+    ///
+    /// `None` if nothing changes, as with a single map.
     pub largest_step_ratio: Option<f64>,
-    /// Median distance of the features of what is nearest from where they must be, in pixels of 256 around the horizon; missing where fewer
-    /// than eight were found again.
+    /// Median position error of near features, in pixels of a panorama 256 pixels wide.
+    ///
+    /// `None` with fewer than eight matches.
     pub parallax_px: Option<f64>,
 }
 
-/// Lets a probe walk through the room from the first view that has a metre of free space before it; `None` where there is none.
+/// Moves a probe through the room from the first view with enough free space; `None` without such a view.
 ///
-/// Features are corners on the nearest quarter of what stands around the start: squares on the surface, whose place and tilt come from the true
-/// depth, are rendered from the estimate at the start and sought on the same surface from the end. For a single map the error is the whole motion.
-pub fn walk(sample: &Sample, estimate: &Estimate) -> Option<Walk> {
+/// Features are corners on the nearest quarter of the walls around the start. Their positions and normals come from
+/// true depth. Patches are rendered from the estimate at the start and matched on the same surface at the end. For a
+/// single map, the error is the entire motion.
+pub fn walk(sample: &Sample, estimate: &MethodOutput) -> Option<Walk> {
     let up = sample.up.unwrap_or(Vec3::Y);
-    let (view, depth_m, towards) = sample.views.iter().find_map(|view| {
+    let (view, depth_m, direction) = sample.views.iter().find_map(|view| {
         let depth_m = view.depth_m.as_ref()?;
         Some((view, depth_m, free_direction(view, depth_m, up)?))
     })?;
-    let at = |step: usize| view.position_m + towards * (LENGTH_M * step as f32 / STEPS as f32);
+    let at = |step: usize| view.position_m + direction * (LENGTH_M * step as f32 / STEPS as f32);
     Some(Walk {
         largest_step_ratio: largest_step_ratio(estimate, at),
         parallax_px: parallax_px(estimate, view, depth_m, at(STEPS), up),
     })
 }
 
-/// The horizontal direction with the most free space, of sixteen.
+/// Returns the horizontal direction with the most free space, of sixteen; `None` if it is too short.
 fn free_direction(view: &NovelView, depth_m: &DepthMap, up: Vec3) -> Option<Vec3> {
     let (width, height) = (depth_m.width(), depth_m.height());
     let side = up.any_orthonormal_vector();
@@ -68,15 +71,16 @@ fn free_direction(view: &NovelView, depth_m: &DepthMap, up: Vec3) -> Option<Vec3
     });
     let free_m = |direction: Vec3| {
         let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let beside =
+        let in_the_way =
             pixels.filter(|&(x, y)| (view.rotation * pixel_direction(x, y, width, height)).dot(direction) > 0.94);
-        beside.map(|pixel| depth_m[pixel]).filter(|z| *z > 0.0).fold(f32::INFINITY, f32::min)
+        in_the_way.map(|pixel| depth_m[pixel]).filter(|z| *z > 0.0).fold(f32::INFINITY, f32::min)
     };
     let best = candidates.map(|direction| (direction, free_m(direction))).max_by(|a, b| a.1.total_cmp(&b.1))?;
     (best.1 > LENGTH_M + CLEARANCE_M).then_some(best.0)
 }
 
-fn largest_step_ratio(estimate: &Estimate, at: impl Fn(usize) -> Vec3) -> Option<f64> {
+/// Returns the largest change between steps over the median one.
+fn largest_step_ratio(estimate: &MethodOutput, at: impl Fn(usize) -> Vec3) -> Option<f64> {
     let [width, height] = STEP_MAP;
     let angles = solid_angles_sr(width, height);
     let log = |map: RadianceImage| map.map(|rgb| rgb.map(|v| v.max(0.0).ln_1p()));
@@ -95,24 +99,25 @@ fn largest_step_ratio(estimate: &Estimate, at: impl Fn(usize) -> Vec3) -> Option
     (median > 0.0).then(|| changes[STEPS - 1] / median)
 }
 
-/// A place on a surface, and the grid around it.
+/// A point on a surface, with the axes of a sampling grid.
 struct Feature {
     point: Vec3,
     axes: [Vec3; 2],
 }
 
-fn parallax_px(estimate: &Estimate, view: &NovelView, depth_m: &DepthMap, end: Vec3, up: Vec3) -> Option<f64> {
+/// Returns the median position error of the features.
+fn parallax_px(estimate: &MethodOutput, view: &NovelView, depth_m: &DepthMap, end: Vec3, up: Vec3) -> Option<f64> {
     let features = features(estimate, view, depth_m, up);
     let px_of_angle = |angle: f32| f64::from(angle / std::f32::consts::TAU * PIXELS_AROUND);
     let mut errors: Vec<f64> = match &estimate.light {
-        Light::Map(_) => features
+        EstimatedLight::Map(_) => features
             .iter()
             .map(|feature| px_of_angle((feature.point - view.position_m).angle_between(feature.point - end)))
             .collect(),
-        Light::Octree { .. } => {
+        EstimatedLight::Octree { .. } => {
             let found = features
                 .iter()
-                .filter_map(|feature| found_at(estimate, view.position_m, end, feature).map(|p| (feature, p)));
+                .filter_map(|feature| matched_at(estimate, view.position_m, end, feature).map(|p| (feature, p)));
             found.map(|(feature, point)| px_of_angle((feature.point - end).angle_between(point - end))).collect()
         }
     };
@@ -120,8 +125,8 @@ fn parallax_px(estimate: &Estimate, view: &NovelView, depth_m: &DepthMap, end: V
     (errors.len() >= MIN_FEATURES).then(|| errors[errors.len() / 2])
 }
 
-/// Corners of the estimate's panorama on the nearest quarter of what is not floor or ceiling.
-fn features(estimate: &Estimate, view: &NovelView, depth_m: &DepthMap, up: Vec3) -> Vec<Feature> {
+/// Detects corners of the estimate's panorama on the nearest quarter of the walls.
+fn features(estimate: &MethodOutput, view: &NovelView, depth_m: &DepthMap, up: Vec3) -> Vec<Feature> {
     let (width, height) = (depth_m.width(), depth_m.height());
     if height < MIN_ROWS {
         return Vec::new();
@@ -150,7 +155,7 @@ fn features(estimate: &Estimate, view: &NovelView, depth_m: &DepthMap, up: Vec3)
         let [here, right, below] = [point(x, y), point(x + 1, y), point(x, y + 1)];
         let normal = (right - here).cross(below - here).normalize_or_zero();
         let direction = rotate(x, y);
-        // a wall, seen not too obliquely; at a depth edge the three points do not lie on one
+        // Accept walls that are not seen too obliquely. At a depth edge, the three points are on different surfaces.
         let wall = normal.dot(up).abs() < 0.3 && normal.dot(direction).abs() > 0.4;
         if !wall || !taken.iter().all(apart) {
             continue;
@@ -166,7 +171,7 @@ fn features(estimate: &Estimate, view: &NovelView, depth_m: &DepthMap, up: Vec3)
     features
 }
 
-/// Smaller eigenvalue of the structure tensor over 5 × 5 pixels (Shi & Tomasi 1994).
+/// Returns the smaller eigenvalue of the structure tensor over 5 × 5 pixels (Shi & Tomasi 1994).
 fn corner(light: &lo_imaging::Image<f32>, x: usize, y: usize) -> f32 {
     let width = light.width();
     let at = |dx: usize, dy: usize| light[((x + width + dx - 3) % width, y + dy - 3)];
@@ -178,8 +183,8 @@ fn corner(light: &lo_imaging::Image<f32>, x: usize, y: usize) -> f32 {
     0.5 * (xx + yy - ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt())
 }
 
-/// Where on its surface a feature that was seen from `start` appears from `end`.
-fn found_at(estimate: &Estimate, start: Vec3, end: Vec3, feature: &Feature) -> Option<Vec3> {
+/// Matches a feature seen from `start` on its surface as seen from `end`; `None` without a match.
+fn matched_at(estimate: &MethodOutput, start: Vec3, end: Vec3, feature: &Feature) -> Option<Vec3> {
     let side = PATCH + 2 * REACH;
     let patch = grid(estimate, start, feature, PATCH);
     let field = grid(estimate, end, feature, side);
@@ -195,11 +200,11 @@ fn found_at(estimate: &Estimate, start: Vec3, end: Vec3, feature: &Feature) -> O
     best.1
 }
 
-/// `ln(1 + luminance)` of the estimate on `side`² places of the feature's grid, as seen from `eye`.
-fn grid(estimate: &Estimate, eye: Vec3, feature: &Feature, side: usize) -> Vec<f32> {
+/// Samples `ln(1 + luminance)` of the estimate on `side`² points of the feature's grid, as seen from `eye`.
+fn grid(estimate: &MethodOutput, eye: Vec3, feature: &Feature, side: usize) -> Vec<f32> {
     let offset = |k: usize| k as f32 - 0.5 * (side - 1) as f32;
-    let places = (0..side).flat_map(|j| (0..side).map(move |i| (i, j)));
-    let cones: Vec<Cone> = places
+    let points = (0..side).flat_map(|j| (0..side).map(move |i| (i, j)));
+    let cones: Vec<Cone> = points
         .map(|(i, j)| {
             let to = feature.point + feature.axes[0] * offset(i) + feature.axes[1] * offset(j) - eye;
             let tan_half_angle = 0.5 * feature.axes[0].length() / to.length();
@@ -207,17 +212,17 @@ fn grid(estimate: &Estimate, eye: Vec3, feature: &Feature, side: usize) -> Vec<f
         })
         .collect();
     match &estimate.light {
-        Light::Map(map) => {
+        EstimatedLight::Map(map) => {
             cones.iter().map(|cone| luminance(sample_equirectangular(map, cone.direction)).max(0.0).ln_1p()).collect()
         }
-        Light::Octree { sight, .. } => {
-            let samples = traced(sight, eye, &cones);
+        EstimatedLight::Octree { tracer, .. } => {
+            let samples = trace(tracer, eye, &cones);
             samples.iter().map(|sample| luminance(sample.radiance).max(0.0).ln_1p()).collect()
         }
     }
 }
 
-/// Normalised cross-correlation.
+/// Returns the normalised cross-correlation.
 fn correlation(a: &[f32], b: impl Iterator<Item = f32>) -> f32 {
     let [mut sa, mut sb, mut aa, mut bb, mut ab] = [0.0f32; 5];
     for (&a, b) in a.iter().zip(b) {
@@ -244,12 +249,12 @@ mod tests {
         foreign: None,
     };
 
-    /// The box room with patches of colour on its walls.
+    /// Returns the box room with random grey squares on its walls.
     fn textured() -> Sample {
         let mut sample = testing::box_room();
         for point in &mut sample.points {
             let [x, y, z] = point.position_m.to_array().map(|v| (v / 0.25).floor() as i64);
-            // hashed squares of 25 cm
+            // Random squares of 25 cm.
             let number = lo_random::hash(&[x, y, z].map(|v| v.to_le_bytes()).concat());
             point.radiance = [0.1 + (number % 1000) as f32 / 1000.0; 3];
         }
@@ -263,10 +268,10 @@ mod tests {
         let found = walk(&sample, &estimate).unwrap();
         let (ratio, parallax) = (found.largest_step_ratio.unwrap(), found.parallax_px.unwrap());
         assert!(parallax < 1.0 && (1.0..2.0).contains(&ratio), "{found:?}");
-        // the same light as one map: its features stay where they are. Walls are 1.2 to 2.8 m away, a metre moves them by tens of pixels
+        // In a single map, features do not move. A metre should move walls 1.2 to 2.8 m away by tens of pixels.
         let view = &sample.views[0];
         let map = estimate.panorama_at(view.position_m, 256, 128, |direction| direction);
-        let single = Estimate::of_light(Light::Map(map));
+        let single = MethodOutput::of_light(EstimatedLight::Map(map));
         let found = walk(&sample, &single).unwrap();
         assert!(found.largest_step_ratio.is_none() && found.parallax_px.unwrap() > 10.0, "{found:?}");
     }
@@ -275,7 +280,7 @@ mod tests {
     fn a_wall_in_the_wrong_place_is_noticed() {
         let sample = textured();
         let mut wrong = sample.clone();
-        // a fifth nearer to the start: the same panorama there, another parallax
+        // Moved 20 % nearer to the start: the same panorama there, but a different parallax.
         let start = sample.views[0].position_m;
         wrong.points.iter_mut().for_each(|point| point.position_m = start + 0.8 * (point.position_m - start));
         let estimate = Method::TrueOctree.estimate(&wrong, &TOOLS).unwrap();

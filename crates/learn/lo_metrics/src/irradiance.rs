@@ -1,8 +1,8 @@
-//! Light that a panorama throws on objects, against the true one.
+//! Irradiance of objects under an estimated panorama, compared with the true panorama.
 //!
-//! Irradiance is taken at 512 normals, the directions of a 16 × 32 equirectangular grid, each of which counts alike,
-//! and is stated over π: the radiance of a matte white surface. Panoramas are brought to 128 × 64 pixels; 64 × 32 would
-//! move contrasts by up to 0.5 %, those of small lamps by 3 %.
+//! Irradiance is computed at 512 normals, the directions of a 16 × 32 equirectangular grid, with equal weights. It is
+//! divided by π: the radiance of a white diffuse surface. Panoramas are resized to 128 × 64 pixels; 64 × 32 would
+//! change contrasts by up to 0.5 %, those of small lamps by 3 %.
 
 use std::sync::LazyLock;
 
@@ -12,52 +12,51 @@ use serde::Serialize;
 
 use crate::{angular_error_deg, si_rmse};
 
-/// Pixels of the panoramas that are integrated.
+/// Size of the panoramas that are integrated.
 const MAP: [usize; 2] = [128, 64];
 
-/// Normals around and from straight up to straight down.
+/// Number of normals in azimuth and elevation.
 const NORMALS: [usize; 2] = [32, 16];
 
-/// From one column of normals to the next, in columns of the panorama.
+/// Columns of the panorama per column of normals.
 const STEP: usize = MAP[0] / NORMALS[0];
 
-/// Limit of a contrast in tables: that of a normal without any light is infinite, and has no mean.
+/// Upper limit of contrasts: with an unlit normal, the contrast would be infinite and spoil means.
 pub const MAX_CONTRAST_STOPS: f64 = 20.0;
 
-/// Below this anisotropy the direction of the light is that of rounding errors.
+/// Anisotropy below which the direction of light is determined by rounding errors.
 const MIN_ANISOTROPY: f64 = 1e-4;
 
-/// How a matte object lit by an estimated panorama differs from one that is lit by the true panorama.
+/// Differences between a matte object lit by an estimated panorama and one lit by the true panorama.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LightOnObjects {
-    /// log₂ of the largest over the smallest luminance irradiance under the estimate, at most [`MAX_CONTRAST_STOPS`].
+    /// log₂ of largest ÷ smallest luminance irradiance under the estimate, at most [`MAX_CONTRAST_STOPS`].
     pub contrast_stops: f64,
-    /// The contrast under the truth.
+    /// Contrast under the true panorama.
     pub true_contrast_stops: f64,
-    /// `|∫ L ω dω| / ∫ L dω` of the estimate's luminance, in `[0, 1]`: 0 of even light, 1 of a point.
+    /// `|∫ L ω dω| / ∫ L dω` of the estimate's luminance, in `[0, 1]`: 0 for even light, 1 for a point light.
     pub anisotropy: f64,
-    /// The anisotropy of the truth.
+    /// Anisotropy of the true panorama.
     pub true_anisotropy: f64,
-    /// Angle between the vector irradiances `∫ L ω dω`, degrees; `None` where one panorama is even.
+    /// Angle between the vector irradiances `∫ L ω dω`, degrees; `None` if one panorama is even.
     pub vector_deg: Option<f64>,
     /// `|log₂|` of the ratio of mean luminance irradiances.
     pub level_log2: f64,
-    /// RMSE of the unseen part's irradiance, scaled to be least ([`si_rmse`]), over the mean of the true one. `None`
+    /// Scale-invariant RMSE ([`si_rmse`]) of the unseen part's irradiance, divided by the mean of the true one. `None`
     /// without unseen light.
     pub unseen_relative_si_rmse: Option<f64>,
-    /// Mean angle between the colours of the unseen part's irradiance, degrees ([`angular_error_deg`]).
+    /// RGB angular error of the unseen part's irradiance, degrees ([`angular_error_deg`]).
     pub unseen_angular_deg: Option<f64>,
 }
 
 impl LightOnObjects {
-    /// Compares panoramas of one size; `seen` says of every pixel, row by row, whether the photo shows it, where that
-    /// is known. Negative radiance is 0.
+    /// Compares panoramas of one size. Negative radiance counts as 0.
     ///
-    /// `None` where one panorama is black.
+    /// `seen` is a mask of the pixels that the photo shows, row by row. Returns `None` if one panorama is black.
     ///
     /// # Panics
-    /// Where the sizes of panoramas and mask differ.
-    pub fn of(truth: &RadianceImage, got: &RadianceImage, seen: Option<&[bool]>) -> Option<Self> {
+    /// If the sizes of panoramas and mask differ.
+    pub fn compare(truth: &RadianceImage, got: &RadianceImage, seen: Option<&[bool]>) -> Option<Self> {
         assert_eq!((truth.width(), truth.height()), (got.width(), got.height()), "panoramas of one size");
         let maps = [truth, got].map(|map| lanes(map, seen));
         let irradiance = irradiance(&maps);
@@ -91,24 +90,24 @@ impl LightOnObjects {
     }
 }
 
-/// How the light of a panorama is distributed over the sphere, by luminance.
+/// Distribution of a panorama's luminance over the sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LightDistribution {
-    /// log₂ of the largest over the smallest irradiance, at most [`MAX_CONTRAST_STOPS`].
+    /// log₂ of largest ÷ smallest irradiance over normals, at most [`MAX_CONTRAST_STOPS`].
     pub contrast_stops: f64,
     /// `|∫ L ω dω| / ∫ L dω`, in `[0, 1]`.
     pub anisotropy: f64,
-    /// Vertical component of the direction of `∫ L ω dω`, in `[−1, 1]`: 1 where light comes from above.
+    /// Vertical component of the direction of `∫ L ω dω`, in `[−1, 1]`: 1 for light from above.
     pub upward: f64,
-    /// Share of `∫ L dω` that comes from the brightest hundredth of the sphere.
+    /// Share of `∫ L dω` from the brightest 1 % of the sphere.
     pub brightest_hundredth: f64,
-    /// Share that comes from the brightest twentieth.
+    /// Share of `∫ L dω` from the brightest 5 % of the sphere.
     pub brightest_twentieth: f64,
 }
 
 impl LightDistribution {
-    /// The figures of a panorama; `None` where it is black. Negative radiance is 0.
-    pub fn of(panorama: &RadianceImage) -> Option<Self> {
+    /// Measures a panorama; `None` if it is black. Negative radiance counts as 0.
+    pub fn measure(panorama: &RadianceImage) -> Option<Self> {
         let map = lanes(panorama, None);
         let maps = [map.clone(), map];
         let (contrast_stops, mean) = contrast(irradiance(&maps).iter().map(|lanes| f64::from(lanes[0][0])));
@@ -122,7 +121,7 @@ impl LightDistribution {
     }
 }
 
-/// Share of all light that comes from the brightest part of the sphere.
+/// Returns the share of light from the brightest part of the sphere.
 fn brightest(map: &[Lanes], share: f64) -> f64 {
     let solid_angle_sr = |index: usize| f64::from(pixel_solid_angle_sr(index / MAP[0], MAP[0], MAP[1]));
     let mut pixels: Vec<(f64, f64)> =
@@ -137,10 +136,10 @@ fn brightest(map: &[Lanes], share: f64) -> f64 {
     light / pixels.iter().map(|(radiance, solid_angle_sr)| radiance * solid_angle_sr).sum::<f64>()
 }
 
-/// Luminance of the whole, and radiance of the unseen part.
+/// Luminance of the whole panorama, and RGB radiance of its unseen part.
 type Lanes = [f32; 4];
 
-/// Pixels of a panorama at size [`MAP`]; without a mask nothing is unseen.
+/// Resizes a panorama to [`MAP`]; without a mask nothing is unseen.
 fn lanes(map: &RadianceImage, seen: Option<&[bool]>) -> Vec<Lanes> {
     let map = map.map(|rgb| rgb.map(|v| v.max(0.0)));
     let resized = |map: &RadianceImage| {
@@ -162,8 +161,9 @@ fn lanes(map: &RadianceImage, seen: Option<&[bool]>) -> Vec<Lanes> {
         .collect()
 }
 
-/// Row of normals → row of the panorama → columns to the right of the normal's first one → cosine × solid angle / π. A
-/// turn of the normal by one column turns the panorama by [`STEP`], so that one column of normals stands for all.
+/// Cosine × solid angle / π by row of normals, row of the panorama, and column relative to the normal's.
+///
+/// One column of normals is enough: the next column's weights are the same, shifted by [`STEP`].
 static COSINES: LazyLock<Vec<Vec<[f32; MAP[0]]>>> = LazyLock::new(|| {
     let row_of_normals = |n: usize| {
         let normal = pixel_direction(0, n, NORMALS[0], NORMALS[1]);
@@ -176,41 +176,41 @@ static COSINES: LazyLock<Vec<Vec<[f32; MAP[0]]>>> = LazyLock::new(|| {
     (0..NORMALS[1]).map(row_of_normals).collect()
 });
 
-/// Irradiance over π at every normal under two panoramas, row by row.
+/// Computes irradiance / π at every normal under two panoramas, row by row.
 fn irradiance(maps: &[Vec<Lanes>; 2]) -> Vec<[Lanes; 2]> {
-    // Every row twice in a row: a turned one is a slice of it.
+    // Each row is repeated, so that a rotated row is a slice.
     let pair = |index: usize| [maps[0][index], maps[1][index]];
     let row = |y: usize| (0..2 * MAP[0]).map(|x| pair(y * MAP[0] + x % MAP[0])).collect();
     let rows: Vec<Vec<[Lanes; 2]>> = (0..MAP[1]).map(row).collect();
-    let mut found = Vec::with_capacity(NORMALS[0] * NORMALS[1]);
+    let mut result = Vec::with_capacity(NORMALS[0] * NORMALS[1]);
     for cosines in COSINES.iter() {
         for column in 0..NORMALS[0] {
             let mut sums = [[0.0f32; 4]; 2];
             for (weights, row) in cosines.iter().zip(&rows) {
-                let mut of_row = [[0.0f32; 4]; 2];
+                let mut row_sums = [[0.0f32; 4]; 2];
                 for (weight, pixel) in weights.iter().zip(&row[column * STEP..]) {
-                    for (sum, lanes) in of_row.iter_mut().zip(pixel) {
+                    for (sum, lanes) in row_sums.iter_mut().zip(pixel) {
                         (0..4).for_each(|lane| sum[lane] += weight * lanes[lane]);
                     }
                 }
-                for (sum, part) in sums.iter_mut().zip(of_row) {
+                for (sum, part) in sums.iter_mut().zip(row_sums) {
                     (0..4).for_each(|lane| sum[lane] += part[lane]);
                 }
             }
-            found.push(sums);
+            result.push(sums);
         }
     }
-    found
+    result
 }
 
-/// log₂ of the largest over the smallest value, and the mean.
+/// Returns log₂ of the largest ÷ smallest value, and the mean.
 fn contrast(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let start = (f64::INFINITY, 0.0f64, 0.0);
     let (least, most, sum) = values.fold(start, |(least, most, sum), v| (v.min(least), v.max(most), v + sum));
     ((most / least).log2().min(MAX_CONTRAST_STOPS), sum / (NORMALS[0] * NORMALS[1]) as f64)
 }
 
-/// Length of the vector irradiance over the scalar one, and the vector.
+/// Returns the length of the vector irradiance over the scalar one, and the unit vector.
 fn anisotropy(map: &[Lanes]) -> (f64, Vec3) {
     let (mut vector, mut scalar) = ([0.0f64; 3], 0.0);
     for (index, lanes) in map.iter().enumerate() {
@@ -243,33 +243,33 @@ mod tests {
 
     #[test]
     fn even_light_has_neither_contrast_nor_direction() {
-        let figures = LightOnObjects::of(&even(2.0), &even(0.5), None).unwrap();
-        // The cosine's kink at the horizon is sampled: 0.05 %.
+        let figures = LightOnObjects::compare(&even(2.0), &even(0.5), None).unwrap();
+        // Sampling of the cosine's kink at the horizon causes errors of 0.05 %.
         assert!(figures.contrast_stops < 2e-3 && figures.true_contrast_stops < 2e-3, "{figures:?}");
         assert!(figures.anisotropy < 1e-6 && figures.vector_deg.is_none(), "{figures:?}");
         assert!((figures.level_log2 - 2.0).abs() < 1e-6);
         assert_eq!((figures.unseen_relative_si_rmse, figures.unseen_angular_deg), (None, None));
-        assert_eq!(LightOnObjects::of(&even(1.0), &even(0.0), None), None);
+        assert_eq!(LightOnObjects::compare(&even(1.0), &even(0.0), None), None);
     }
 
     #[test]
     fn the_brightest_part_is_a_share_of_the_sphere() {
-        let figures = LightDistribution::of(&even(2.0)).unwrap();
+        let figures = LightDistribution::measure(&even(2.0)).unwrap();
         assert!((figures.brightest_hundredth - 0.01).abs() < 1e-6, "{figures:?}");
-        // Light 9 and 1 in the two halves: a twentieth has 0.05 · 9 of 5, and the vector is (9 − 1) / 4 of 5.
+        // Radiance 9 and 1 in the two halves: the brightest 5 % have 0.05 · 9 of 5, and the vector is (9 − 1) / 4 of 5.
         let halves = panorama(MAP, |_, y| [if y < MAP[1] / 2 { 9.0 } else { 1.0 }; 3]);
-        let figures = LightDistribution::of(&halves).unwrap();
+        let figures = LightDistribution::measure(&halves).unwrap();
         assert!((figures.brightest_twentieth - 0.09).abs() < 1e-5, "{figures:?}");
         assert!((figures.upward - 1.0).abs() < 1e-4 && (figures.anisotropy - 0.4).abs() < 1e-3, "{figures:?}");
-        assert_eq!(LightDistribution::of(&even(0.0)), None);
+        assert_eq!(LightDistribution::measure(&even(0.0)), None);
     }
 
     #[test]
     fn a_small_lamp_has_the_cosine_law() {
-        // One pixel in even light of radiance 0.1.
+        // One bright pixel in even light of radiance 0.1.
         let lamp = |at: (usize, usize)| panorama(MAP, |x, y| [if (x, y) == at { 500.0 } else { 0.1 }; 3]);
         let (a, b) = ((10, 20), (42, 20));
-        let figures = LightOnObjects::of(&lamp(a), &lamp(b), None).unwrap();
+        let figures = LightOnObjects::compare(&lamp(a), &lamp(b), None).unwrap();
         let flux = 499.9 * f64::from(pixel_solid_angle_sr(20, MAP[0], MAP[1]));
         let direction = |(x, y): (usize, usize)| pixel_direction(x, y, MAP[0], MAP[1]);
         let cosine = |y: usize, x: usize| direction(a).dot(pixel_direction(x, y, NORMALS[0], NORMALS[1]));
@@ -283,7 +283,7 @@ mod tests {
         assert!((figures.vector_deg.unwrap() - apart_deg).abs() < 1e-3, "{figures:?} {apart_deg}");
         assert!(figures.level_log2 < 1e-5);
         let alone = panorama(MAP, |x, y| [if (x, y) == a { 1.0 } else { 0.0 }; 3]);
-        assert_eq!(LightOnObjects::of(&alone, &alone, None).unwrap().contrast_stops, MAX_CONTRAST_STOPS);
+        assert_eq!(LightOnObjects::compare(&alone, &alone, None).unwrap().contrast_stops, MAX_CONTRAST_STOPS);
     }
 
     #[test]
@@ -292,10 +292,10 @@ mod tests {
         let maps = [lanes(&half, None), lanes(&half, None)];
         for (index, lanes) in irradiance(&maps).iter().enumerate() {
             let cosine = pixel_direction(index % NORMALS[0], index / NORMALS[0], NORMALS[0], NORMALS[1]).y;
-            // Irradiance over π of a hemisphere at an angle.
+            // Irradiance / π of a tilted hemisphere.
             assert!((lanes[0][0] - 0.5 * (1.0 + cosine)).abs() < 1e-3, "{index}: {} {cosine}", lanes[0][0]);
         }
-        let figures = LightOnObjects::of(&half, &half, None).unwrap();
+        let figures = LightOnObjects::compare(&half, &half, None).unwrap();
         assert!((figures.anisotropy - 0.5).abs() < 1e-3, "{figures:?}");
         assert!(figures.vector_deg.unwrap() < 1e-2 && figures.level_log2 == 0.0, "{figures:?}");
     }
@@ -307,12 +307,12 @@ mod tests {
         let truth = upper_half([1.0, 0.0, 0.0]);
         let mut got = upper_half([3.0, 3.0, 0.0]);
         got.pixels_mut()[MAP[0] * MAP[1] / 2..].fill([0.0, 0.0, 9.0]);
-        let figures = LightOnObjects::of(&truth, &got, Some(&seen)).unwrap();
+        let figures = LightOnObjects::compare(&truth, &got, Some(&seen)).unwrap();
         assert!((figures.unseen_angular_deg.unwrap() - 45.0).abs() < 1e-4, "{figures:?}");
         // Irradiance is h (1, 0, 0) and α h (1, 1, 0), α = 1/2: the error is RMS(h) / √6, the mean h / 3; h = (1 + cos)
         // / 2 with the mean of cos² 1/2.
         assert!((figures.unseen_relative_si_rmse.unwrap() - 1.5).abs() < 2e-3, "{figures:?}");
-        let figures = LightOnObjects::of(&truth, &got, Some(&vec![true; MAP[0] * MAP[1]])).unwrap();
+        let figures = LightOnObjects::compare(&truth, &got, Some(&vec![true; MAP[0] * MAP[1]])).unwrap();
         assert_eq!((figures.unseen_relative_si_rmse, figures.unseen_angular_deg), (None, None));
     }
 
@@ -328,9 +328,9 @@ mod tests {
         };
         let seen = |index: usize| (40..88).contains(&(index % MAP[0])) && (20..44).contains(&(index / MAP[0]));
         let seen: Vec<bool> = (0..MAP[0] * MAP[1]).map(seen).collect();
-        let figures = LightOnObjects::of(&map(0.3, 60.0, 30), &map(0.5, 20.0, 50), Some(&seen)).unwrap();
-        // `light` and `unseen` of the project's check light_contrast.py, whose solid angles are those of the rows'
-        // middles.
+        let figures = LightOnObjects::compare(&map(0.3, 60.0, 30), &map(0.5, 20.0, 50), Some(&seen)).unwrap();
+        // `light` and `unseen` of the project's check light_contrast.py, which takes solid angles at the centres of
+        // rows.
         let pairs = [
             (figures.contrast_stops, 0.487_619),
             (figures.true_contrast_stops, 1.037_512),

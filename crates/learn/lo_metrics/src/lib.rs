@@ -1,6 +1,6 @@
-//! Figures of estimated light and depth against the truth: one definition for what training validates and what evaluation reports.
+//! Metrics of estimated light and depth, shared by the validation of training and by evaluation.
 //!
-//! `docs/evaluation.md` tells what the figures mean.
+//! `docs/evaluation.md` explains the figures.
 
 mod depth;
 mod irradiance;

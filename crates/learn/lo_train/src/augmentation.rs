@@ -6,27 +6,27 @@ use lo_octree::RadiancePoint;
 use lo_random::{RngExt, Stream};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{ConfigError, inside};
+use crate::error::{ConfigError, check_range};
 use crate::style::StyleConfig;
 
-/// What a sample is varied by, so that one photo is many. Every field has a default.
+/// Data augmentation. Every field has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AugmentationConfig {
-    /// Share of the samples that are mirrored left to right.
+    /// Share of samples that are mirrored left to right.
     pub mirror_share: f32,
-    /// Stops by which a photo is brightened at most. Never darkened: what is clipped must stay white.
+    /// Largest brightening in stops. Photos are never darkened, so that clipped pixels stay white.
     pub brighter_ev: f32,
-    /// Natural logarithm of the gain of red or blue against green, at most.
+    /// Largest natural logarithm of the gain of red or blue relative to green.
     pub colour: f32,
-    /// Natural logarithm of the factor by which the believed focal length is wrong, at most. What is seen, and with it the room that
-    /// the network ought to make of it, becomes narrower or wider by that factor.
+    /// Largest natural logarithm of the error of the assumed focal length. Observed points and the true room become
+    /// narrower or wider by that factor.
     pub focal: f32,
-    /// A photo is cut to its middle, down to one over this of its width: what a longer lens sees.
+    /// Largest zoom factor: photos are cropped to as little as `1 / zoom` of their width, as by a longer lens.
     pub zoom: f32,
-    /// How else photos look to the depth network, while what they show is the same.
+    /// Appearance augmentation of photos for the depth network.
     pub style: StyleConfig,
-    /// How many variants of a sample there are; global light is kept for each. 0: always another one.
+    /// Number of variants of a sample, for each of which the global feature is cached. 0: a new one in each epoch.
     pub variants: u64,
 }
 
@@ -45,7 +45,7 @@ impl Default for AugmentationConfig {
 }
 
 impl AugmentationConfig {
-    /// Checks what types cannot say.
+    /// Checks the ranges of all fields.
     ///
     /// # Errors
     /// [`ConfigError::OutOfRange`].
@@ -61,22 +61,22 @@ impl AugmentationConfig {
             ("style.blur_px", self.style.blur_px, 0.0, 8.0),
             ("style.noise", self.style.noise, 0.0, 1.0),
         ];
-        ranges
-            .into_iter()
-            .try_for_each(|(field, value, min, max)| inside(&format!("augmentation.{field}"), value.into(), min, max))
+        ranges.into_iter().try_for_each(|(field, value, min, max)| {
+            check_range(&format!("augmentation.{field}"), value.into(), min, max)
+        })
     }
 
-    /// How a sample is varied in an epoch, and the number of that variant.
-    pub(crate) fn of(&self, seed: u64, sample: &Sample, epoch: u64) -> (Variation, u64) {
+    /// Returns the variation of a sample in an epoch, and the number of that variant.
+    pub(crate) fn variation(&self, seed: u64, sample: &Sample, epoch: u64) -> (Variation, u64) {
         let variant = if self.variants == 0 { epoch } else { epoch % self.variants };
         (self.draw(&mut Variation::stream(seed, "augmentation", sample, variant)), variant)
     }
 
-    /// Chooses how a sample is varied.
+    /// Draws a random variation.
     fn draw(&self, stream: &mut Stream) -> Variation {
-        let mut upto = |most: f32| if most > 0.0 { stream.random_range(-most..=most) } else { 0.0 };
-        let colour = [upto(self.colour), 0.0, upto(self.colour)];
-        let focal = upto(self.focal).exp();
+        let mut up_to = |most: f32| if most > 0.0 { stream.random_range(-most..=most) } else { 0.0 };
+        let colour = [up_to(self.colour), 0.0, up_to(self.colour)];
+        let focal = up_to(self.focal).exp();
         let least = colour.into_iter().fold(f32::INFINITY, f32::min);
         let brighter = stream.random::<f32>() * self.brighter_ev * std::f32::consts::LN_2;
         let mirrored = stream.random::<f32>() < self.mirror_share;
@@ -85,31 +85,32 @@ impl AugmentationConfig {
     }
 }
 
-/// How a sample is varied.
+/// An augmentation of one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Variation {
-    /// Left and right change places.
+    /// Whether left and right are swapped.
     pub mirrored: bool,
-    /// The photo and all light are brighter by these factors, at least 1.
+    /// Gains of the photo and all light, at least 1.
     pub gains: [f32; 3],
-    /// The believed focal length over the true one.
+    /// Assumed focal length over the true one.
     pub focal: f32,
-    /// The photo's size over that of its middle that is left, at least 1.
+    /// Size of the photo over that of the central crop, at least 1.
     pub zoom: f32,
 }
 
 impl Variation {
-    /// The sample as it is.
+    /// The identity.
     pub const NONE: Self = Self { mirrored: false, gains: [1.0; 3], focal: 1.0, zoom: 1.0 };
 
-    /// Positions of the world are multiplied by this. A wrong focal length shows everything at another place, and since the map is
-    /// linear, straight lines and planes stay so: the room is as if it were built like that.
+    /// Returns the factor of world positions.
+    ///
+    /// A wrong focal length moves all observed points linearly, so lines and planes are preserved.
     pub fn scale(&self) -> Vec3 {
         let across = 1.0 / self.focal;
         Vec3::new(if self.mirrored { -across } else { across }, across, 1.0)
     }
 
-    /// The photo.
+    /// Augments the photo.
     pub fn photo(&self, photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
         let photo = self.framed(photo);
         if self.gains == [1.0; 3] {
@@ -120,12 +121,12 @@ impl Variation {
         photo.map(|rgb| std::array::from_fn(|c| table[rgb[c] as usize][c]))
     }
 
-    /// A depth map of the photo.
+    /// Augments a depth map of the photo.
     pub fn depth(&self, depth_m: &DepthMap) -> DepthMap {
         self.framed(depth_m)
     }
 
-    /// The camera that is believed to have made the photo.
+    /// Returns the assumed camera of the augmented photo.
     pub fn camera(&self, camera: &Camera) -> Camera {
         let focal = f64::from(self.focal);
         let cx = if self.mirrored { f64::from(camera.width) - camera.cx } else { camera.cx };
@@ -140,12 +141,12 @@ impl Variation {
         }
     }
 
-    /// Unit vector against gravity, where it is known: the normal that a level floor has now.
+    /// Returns the augmented up vector, where known: the normal of a level floor in the scaled room.
     pub fn up(&self, sample: &Sample) -> Option<Vec3> {
         sample.up.map(|up| (up / self.scale()).normalize())
     }
 
-    /// The room's surfaces.
+    /// Augments surface points.
     pub fn points(&self, points: &[RadiancePoint]) -> Vec<RadiancePoint> {
         let scale = self.scale();
         let varied = |point: &RadiancePoint| RadiancePoint {
@@ -156,11 +157,12 @@ impl Variation {
         points.iter().map(varied).collect()
     }
 
-    /// Light of the world.
+    /// Augments radiance.
     pub fn light(&self, radiance: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|c| radiance[c] * self.gains[c])
     }
 
+    /// Crops and mirrors an image.
     fn framed<T: Copy>(&self, image: &Image<T>) -> Image<T> {
         let (width, height) = (image.width(), image.height());
         let [left, top] = [width, height].map(|size| self.margin(size));
@@ -168,27 +170,28 @@ impl Variation {
         Image::from_fn(width - 2 * left, height - 2 * top, |x, y| image[(column(x), top + y)])
     }
 
-    /// Pixels that are cut off at each end of so many.
+    /// Returns the pixels that are cropped at each end of a side of `size` pixels.
     fn margin(&self, size: usize) -> usize {
         (0.5 * size as f32 * (1.0 - 1.0 / self.zoom)) as usize
     }
 
-    /// The stream that everything of one preparation of a sample draws from.
+    /// Returns a random stream for one sample and variant.
     pub fn stream(seed: u64, name: &str, sample: &Sample, variant: u64) -> Stream {
         lo_random::stream(seed ^ lo_random::hash(sample.id.as_bytes()), name, variant)
     }
 }
 
-/// Rays of the world as it is, in the varied one, which `scale` then makes larger or smaller. Rays that begin outside of the cube are left out; those that end outside end where
-/// they leave it.
-pub(crate) fn varied_rays(rays: Rays, variation: &Variation, scale: f32, cube: Cube) -> Rays {
+/// Augments rays, then scales them by `scale`.
+///
+/// Rays that start outside of the cube are dropped; rays that leave it end at its boundary.
+pub(crate) fn augmented_rays(rays: Rays, variation: &Variation, scale: f32, cube: Cube) -> Rays {
     let scale = variation.scale() * scale;
     let parts = rays.cones.iter().zip(&rays.radiance).zip(&rays.distance_m);
     parts
         .filter_map(|((cone, &radiance), &distance_m)| {
-            let (origin, along) = (cone.origin * scale, cone.direction * scale);
-            let stretch = along.length();
-            let direction = along / stretch;
+            let (origin, scaled) = (cone.origin * scale, cone.direction * scale);
+            let stretch = scaled.length();
+            let direction = scaled / stretch;
             let known = distance_m.is_finite() && distance_m > 0.0;
             let distance_m =
                 if known { (distance_m * stretch).min(exit_distance_m(cube, origin, direction)) } else { 0.0 };
@@ -198,7 +201,7 @@ pub(crate) fn varied_rays(rays: Rays, variation: &Variation, scale: f32, cube: C
         .collect()
 }
 
-/// How far from a point inside a ray leaves the cube.
+/// Returns the distance at which a ray from inside leaves the cube.
 fn exit_distance_m(cube: Cube, origin: Vec3, direction: Vec3) -> f32 {
     let far = |axis: usize| {
         let side = if direction[axis] > 0.0 { cube.origin_m[axis] + cube.edge_m } else { cube.origin_m[axis] };
@@ -223,13 +226,13 @@ mod tests {
     #[test]
     fn what_the_camera_sees_moves_with_the_room() {
         let camera = Camera::new(300.0, 310.0, 231.0, 158.0, 480, 320).unwrap();
-        let believed = variation().camera(&camera);
+        let assumed = variation().camera(&camera);
         for (u, v, z) in [(10.5, 20.5, 3.0), (400.5, 300.5, 1.5)] {
             let point = camera.unproject(u, v, z) * variation().scale();
-            let seen = believed.unproject(480.0 - 40.0 - u, v - 26.0, z);
+            let seen = assumed.unproject(480.0 - 40.0 - u, v - 26.0, z);
             assert!((point - seen).length() < 1e-5, "{point} {seen}");
         }
-        assert_eq!((believed.width, believed.height), (400, 268));
+        assert_eq!((assumed.width, assumed.height), (400, 268));
         let depth = DepthMap::from_fn(480, 320, |x, y| (x + 1000 * y) as f32);
         let framed = variation().depth(&depth);
         assert_eq!((framed.width(), framed.height()), (400, 268));
@@ -246,13 +249,13 @@ mod tests {
             depth_m: Some(DepthMap::from_fn(16, 8, |x, y| 1.0 + 0.1 * (x + y) as f32)),
         };
         let plain = panorama_rays(&view);
-        let varied = varied_rays(plain.clone(), &variation(), 1.3, cube);
+        let varied = augmented_rays(plain.clone(), &variation(), 1.3, cube);
         for i in 0..plain.len() {
             let end = |rays: &Rays| rays.cones[i].origin + rays.cones[i].direction * rays.distance_m[i];
             assert!((end(&plain) * variation().scale() * 1.3 - end(&varied)).length() < 1e-4);
             assert_eq!(varied.radiance[i], [plain.radiance[i][0] * 1.5, plain.radiance[i][1] * 1.2, 1.0]);
         }
-        let small = varied_rays(plain, &Variation::NONE, 1.0, Cube::centred(Vec3::ZERO, 2.5));
+        let small = augmented_rays(plain, &Variation::NONE, 1.0, Cube::centred(Vec3::ZERO, 2.5));
         let ends = (0..small.len()).map(|i| small.cones[i].origin + small.cones[i].direction * small.distance_m[i]);
         assert!(ends.into_iter().all(|end| end.abs().max_element() < 1.2501));
         assert!(small.distance_m.iter().any(|d| *d < 0.3), "the side at z = −1.25 is near");

@@ -7,101 +7,103 @@ use lo_nets::light::{LightLossConfig, LightNetConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::augmentation::AugmentationConfig;
-use crate::error::{ConfigError, inside};
+use crate::error::{ConfigError, check_range};
 use crate::phases::{
     DepthPhase, ExpectedPhase, LightPhase, Phase, Schedule, depth_phases, expected_phases, joint_phases, light_phases,
 };
 
-/// All that a training run is made of, but its seed. Every field has a default, so that a file need name only what differs.
+/// Configuration of a training run, except its seed. Every field has a default; a file lists only what differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
-    /// Greatest norm of the gradient of a network; a longer one is shortened to it.
+    /// Norm to which the gradient of each network is clipped.
     pub clip_norm: f32,
-    /// Whether the depth network's convolutions multiply in bf16 in training, where the processor has a matrix unit for that (Intel's AMX, servers since
-    /// 2023): sums, weights and all else stay f32. Elsewhere, and in use, nothing changes.
+    /// Whether convolutions of the depth network multiply in bf16 in training, on processors with AMX (Intel servers
+    /// since 2023). Sums and weights stay f32. No effect on other processors, nor in inference.
     pub bf16: bool,
-    /// Share of the averaged weights that stays at a step; what is validated and exported are these. It rises to this value from 0.1.
+    /// Decay per step of the exponential moving average of the weights, which is validated and exported. Ramps up
+    /// from 0.1.
     #[serde(alias = "average_decay")]
     pub ema_decay: f64,
-    /// Learning rate of the discriminator, as a share of the depth network's.
+    /// Learning rate of the discriminator as a share of the depth network's.
     #[serde(alias = "judge_rate")]
     pub discriminator_lr_ratio: f64,
     /// Minutes between checkpoints.
     pub checkpoint_minutes: f64,
-    /// Steps whose mean makes a line of the log.
+    /// Steps per line of the log.
     pub log_steps: u64,
-    /// What of the depth network looks at the photo; `train --encoder-weights` gives it published weights to begin with.
+    /// Image encoder of the depth network. `train --encoder-weights` initialises it with published weights.
     pub encoder: EncoderKind,
-    /// Most pixels on the longer side of photos as the depth network is used; the last phase's `photo_width` is usually the same.
+    /// Longer side in pixels to which inference resizes photos for the depth network. Usually the `photo_width` of the
+    /// last depth phase.
     pub longer_side: usize,
-    /// Where samples come from.
+    /// Training data.
     pub data: DataConfig,
-    /// What a sample is varied by.
+    /// Data augmentation.
     pub augmentation: AugmentationConfig,
-    /// Shape of the light network at its finest; phases of a lesser octree depth train its coarser stages.
+    /// Shape of the light network at its final octree depth. Phases of lesser octree depth train its coarser stages.
     pub network: LightNetConfig,
     /// Weights of the depth network's losses.
     pub depth_losses: DepthLossConfig,
     /// Weights of the light network's losses.
     pub light_losses: LightLossConfig,
-    /// Figures on held-out scenes.
+    /// Validation on held-out scenes.
     pub validation: ValidationConfig,
     /// Stage 1: the depth network alone.
     #[serde(deserialize_with = "depth_phases")]
     pub depth: Vec<DepthPhase>,
-    /// Stage 2: the light network on known depth and the trained depth network's global features.
+    /// Stage 2: the light network, with a fixed depth network.
     #[serde(deserialize_with = "light_phases")]
     pub light: Vec<LightPhase>,
-    /// Stage 3: both, the light network also on predicted depth.
+    /// Stage 3: both networks jointly.
     #[serde(deserialize_with = "joint_phases")]
     pub joint: Vec<LightPhase>,
-    /// Stage 4: the network of expected light, with depth by the trained depth network.
+    /// Stage 4: the network of expected light, on depth from the trained depth network.
     #[serde(deserialize_with = "expected_phases")]
     pub expected: Vec<ExpectedPhase>,
 }
 
-/// Where samples come from.
+/// Training data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DataConfig {
-    /// A folder in a layout that `lightoctree-lab dataset` knows: shards of `lightoctree-lab synth`, or published data. Rooms are generated on the
-    /// fly where none is named.
+    /// Dataset folder in any layout that `lightoctree-lab dataset` supports. Without any data, rooms are generated on
+    /// the fly.
     pub folder: Option<PathBuf>,
-    /// Real panoramas, of which photos are cut. They know how the camera was held, its lens and the light around it; depth only by a plan.
+    /// Real panoramas to crop photos from. Camera and surrounding light are known; depth only if there is a floor plan.
     pub panoramas: Vec<PanoramaData>,
-    /// Real photos with measured depth. They know depth and lens, but not the light.
+    /// Real photos with measured depth. Depth and lens are known, light is not.
     pub frames: Vec<FramesData>,
-    /// Rooms that are generated on the fly, before they come again.
+    /// Number of rooms to generate on the fly before they repeat.
     pub generated_rooms: u32,
-    /// What these are like.
+    /// Generator of these rooms.
     pub generator: GeneratorConfig,
-    /// Threads that read or generate samples, beside the one that prepares them.
+    /// Threads that read or generate samples, beside the one that prepares examples.
     pub threads: usize,
-    /// Most samples made ahead.
+    /// Number of samples to prefetch.
     #[serde(alias = "ahead")]
     pub prefetch: usize,
 }
 
-/// A folder of panoramas and the photos that are cut of them.
+/// A folder of panoramas and how to crop photos from them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PanoramaData {
-    /// Where they are.
+    /// The folder of panoramas.
     pub folder: PathBuf,
-    /// A folder with plans of the rooms, drawn by hand; panoramas without one have no depth.
+    /// Folder of hand-drawn floor plans of the rooms. Panoramas without a plan have no depth.
     pub plans: Option<PathBuf>,
-    /// Which parts, and with what camera; its seed is the run's.
+    /// Cameras of the crops. The seed is the run's.
     pub crop: CropModel,
 }
 
-/// A list of photos with measured depth, all of which are learned from.
+/// A list of photos with measured depth. All of them are training data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FramesData {
-    /// A `frames.json`, or a folder with one.
+    /// A `frames.json` file, or a folder that contains one.
     pub list: PathBuf,
-    /// How often each photo comes where the others come once.
+    /// Repetitions of each photo per epoch.
     pub repeats: u32,
 }
 
@@ -111,23 +113,23 @@ impl Default for FramesData {
     }
 }
 
-/// Figures on held-out scenes.
+/// Validation on held-out scenes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ValidationConfig {
-    /// Steps between validations; each phase ends with one.
+    /// Steps between validations. Each phase also ends with one.
     pub every_steps: u64,
-    /// Photos, each of another held-out scene.
+    /// Number of photos, each of a different held-out scene; 0 disables validation.
     pub photos: usize,
-    /// Rows of the contact sheet.
+    /// Rows of the contact sheet; 0 for none.
     pub sheet_rows: usize,
 }
 
 impl Default for TrainConfig {
-    /// The paper's encoder from random weights on rooms that are generated on the fly; `configs/recipe.toml` begins with published weights and has real
-    /// photos.
+    /// The paper's encoder with random weights, trained on generated rooms. `configs/recipe.toml` starts from published
+    /// weights and adds real photos.
     fn default() -> Self {
-        let (depth, light) = (DepthPhase::USUAL, LightPhase::USUAL);
+        let (depth, light) = (DepthPhase::DEFAULT, LightPhase::DEFAULT);
         Self {
             clip_norm: 5.0,
             bf16: true,
@@ -200,7 +202,7 @@ impl Default for ValidationConfig {
 }
 
 impl TrainConfig {
-    /// The phases in the order in which they are trained.
+    /// Returns all phases in training order.
     pub(crate) fn phases(&self) -> Vec<(TrainingPhase, Phase)> {
         let depth = Phase::numbered(TrainedNetworks::Depth, self.depth.iter().cloned().map(Phase::Depth));
         let light = Phase::numbered(TrainedNetworks::Light, self.light.iter().cloned().map(Phase::Light));
@@ -209,7 +211,8 @@ impl TrainConfig {
         depth.into_iter().chain(light).chain(joint).chain(expected).collect()
     }
 
-    /// The light network of an octree depth: the coarser stages are those of the finest network.
+    /// Returns the shape of the light network for an octree depth. Its stages are those of the final
+    /// network.
     pub(crate) fn network_of(&self, octree_depth: u32) -> LightNetConfig {
         LightNetConfig {
             depth: octree_depth,
@@ -218,7 +221,7 @@ impl TrainConfig {
         }
     }
 
-    /// Checks what types cannot say.
+    /// Checks the ranges of all fields.
     ///
     /// # Errors
     /// See [`ConfigError`].
@@ -226,49 +229,49 @@ impl TrainConfig {
         self.network.validate()?;
         self.data.generator.validate().map_err(|error| ConfigError::Generator(error.to_string()))?;
         self.augmentation.validate()?;
-        inside("clip_norm", self.clip_norm.into(), 1e-6, 1e6)?;
-        inside("ema_decay", self.ema_decay, 0.0, 0.999_999)?;
-        inside("discriminator_lr_ratio", self.discriminator_lr_ratio, 0.0, 100.0)?;
-        inside("checkpoint_minutes", self.checkpoint_minutes, 0.0, 1e6)?;
-        inside("log_steps", self.log_steps as f64, 1.0, 1e9)?;
-        inside("longer_side", self.longer_side as f64, 32.0, 1024.0)?;
-        inside("data.threads", self.data.threads as f64, 1.0, 256.0)?;
-        inside("data.prefetch", self.data.prefetch as f64, 1.0, 1e4)?;
-        inside("data.generated_rooms", self.data.generated_rooms.into(), 1.0, u32::MAX.into())?;
+        check_range("clip_norm", self.clip_norm.into(), 1e-6, 1e6)?;
+        check_range("ema_decay", self.ema_decay, 0.0, 0.999_999)?;
+        check_range("discriminator_lr_ratio", self.discriminator_lr_ratio, 0.0, 100.0)?;
+        check_range("checkpoint_minutes", self.checkpoint_minutes, 0.0, 1e6)?;
+        check_range("log_steps", self.log_steps as f64, 1.0, 1e9)?;
+        check_range("longer_side", self.longer_side as f64, 32.0, 1024.0)?;
+        check_range("data.threads", self.data.threads as f64, 1.0, 256.0)?;
+        check_range("data.prefetch", self.data.prefetch as f64, 1.0, 1e4)?;
+        check_range("data.generated_rooms", self.data.generated_rooms.into(), 1.0, u32::MAX.into())?;
         for frames in &self.data.frames {
-            inside("data.frames.repeats", frames.repeats.into(), 1.0, 1e6)?;
+            check_range("data.frames.repeats", frames.repeats.into(), 1.0, 1e6)?;
         }
-        inside("validation.every_steps", self.validation.every_steps as f64, 1.0, 1e12)?;
-        inside("validation.photos", self.validation.photos as f64, 0.0, 1e5)?;
-        inside("validation.sheet_rows", self.validation.sheet_rows as f64, 0.0, 64.0)?;
+        check_range("validation.every_steps", self.validation.every_steps as f64, 1.0, 1e12)?;
+        check_range("validation.photos", self.validation.photos as f64, 0.0, 1e5)?;
+        check_range("validation.sheet_rows", self.validation.sheet_rows as f64, 0.0, 64.0)?;
         let (full, finest) = (f64::from(self.network.full_depth), f64::from(self.network.depth));
         let mut shallowest = full;
         for (name, phase) in self.phases() {
-            let inside = |what: &str, value, min, max| inside(&format!("{name}: {what}"), value, min, max);
+            let check_range = |what: &str, value, min, max| check_range(&format!("{name}: {what}"), value, min, max);
             let schedule = phase.schedule();
-            inside("steps", schedule.steps as f64, 1.0, 1e12)?;
-            inside("learning_rate", schedule.learning_rate, 0.0, 1.0)?;
-            inside("final_share", schedule.final_share, 0.0, 1.0)?;
+            check_range("steps", schedule.steps as f64, 1.0, 1e12)?;
+            check_range("learning_rate", schedule.learning_rate, 0.0, 1.0)?;
+            check_range("final_share", schedule.final_share, 0.0, 1.0)?;
             match &phase {
                 Phase::Depth(p) => {
-                    inside("photo_width", p.photo_width as f64, 32.0, 4096.0)?;
-                    inside("batch_size", p.batch_size as f64, 1.0, 256.0)?;
-                    inside("encoder_lr_ratio", p.encoder_lr_ratio.into(), 0.0, 1.0)?;
+                    check_range("photo_width", p.photo_width as f64, 32.0, 4096.0)?;
+                    check_range("batch_size", p.batch_size as f64, 1.0, 256.0)?;
+                    check_range("encoder_lr_ratio", p.encoder_lr_ratio.into(), 0.0, 1.0)?;
                 }
                 Phase::Expected(p) => {
-                    inside("batch_size", p.batch_size as f64, 1.0, 4096.0)?;
-                    inside("photos", p.photos as f64, 1.0, 1e6)?;
+                    check_range("batch_size", p.batch_size as f64, 1.0, 4096.0)?;
+                    check_range("photos", p.photos as f64, 1.0, 1e6)?;
                     p.augmentation.validate()?;
                 }
                 Phase::Light(p) | Phase::Joint(p) => {
-                    inside("octree_depth", p.octree_depth.into(), shallowest, finest)?;
+                    check_range("octree_depth", p.octree_depth.into(), shallowest, finest)?;
                     shallowest = p.octree_depth.into();
                     for share in p.scheduled_sampling {
-                        inside("scheduled_sampling", share.into(), 0.0, 1.0)?;
+                        check_range("scheduled_sampling", share.into(), 0.0, 1.0)?;
                     }
-                    inside("predicted_share", p.predicted_share.into(), 0.0, 1.0)?;
-                    inside("sensor_share", p.sensor_share.into(), 0.0, 1.0)?;
-                    inside("novel_rays + visible_rays", (p.novel_rays + p.visible_rays) as f64, 1.0, 1e7)?;
+                    check_range("predicted_share", p.predicted_share.into(), 0.0, 1.0)?;
+                    check_range("sensor_share", p.sensor_share.into(), 0.0, 1.0)?;
+                    check_range("novel_rays + visible_rays", (p.novel_rays + p.visible_rays) as f64, 1.0, 1e7)?;
                 }
             }
         }
@@ -296,14 +299,14 @@ mod tests {
     #[test]
     fn what_is_out_of_range_is_named() {
         assert_eq!(TrainConfig::default().validate(), Ok(()));
-        let light = |phase| TrainConfig { light: vec![LightPhase::USUAL, phase], ..TrainConfig::default() };
+        let light = |phase| TrainConfig { light: vec![LightPhase::DEFAULT, phase], ..TrainConfig::default() };
         let message = |config: TrainConfig| config.validate().unwrap_err().to_string();
-        let shallower = light(LightPhase { octree_depth: 6, ..LightPhase::USUAL });
-        assert_eq!(message(shallower), "light 2/2: octree_depth is 6; it must lie in 7 to 7");
-        let share = light(LightPhase { sensor_share: 1.5, ..LightPhase::USUAL });
-        assert_eq!(message(share), "light 2/2: sensor_share is 1.5; it must lie in 0 to 1");
+        let shallower = light(LightPhase { octree_depth: 6, ..LightPhase::DEFAULT });
+        assert_eq!(message(shallower), "light 2/2: octree_depth is 6; it must be between 7 and 7");
+        let share = light(LightPhase { sensor_share: 1.5, ..LightPhase::DEFAULT });
+        assert_eq!(message(share), "light 2/2: sensor_share is 1.5; it must be between 0 and 1");
         let none = TrainConfig { log_steps: 0, ..TrainConfig::default() };
-        assert_eq!(message(none), "log_steps is 0; it must lie in 1 to 1000000000");
+        assert_eq!(message(none), "log_steps is 0; it must be between 1 and 1000000000");
     }
 
     #[test]
@@ -330,11 +333,11 @@ mod tests {
     fn what_a_file_does_not_name_is_as_usual_and_what_is_unknown_an_error() {
         let read = toml::from_str::<TrainConfig>;
         let config = read("[[depth]]\n[[light]]\nsteps = 3\n[[joint]]\nlearning_rate = 1\n").unwrap();
-        assert_eq!(config.depth, [DepthPhase::USUAL]);
-        let schedule = Schedule { steps: 3, ..LightPhase::USUAL.schedule };
-        assert_eq!(config.light, [LightPhase { schedule, ..LightPhase::USUAL }]);
-        let schedule = Schedule { learning_rate: 1.0, ..LightPhase::USUAL_JOINT.schedule };
-        assert_eq!(config.joint, [LightPhase { schedule, ..LightPhase::USUAL_JOINT }]);
+        assert_eq!(config.depth, [DepthPhase::DEFAULT]);
+        let schedule = Schedule { steps: 3, ..LightPhase::DEFAULT.schedule };
+        assert_eq!(config.light, [LightPhase { schedule, ..LightPhase::DEFAULT }]);
+        let schedule = Schedule { learning_rate: 1.0, ..LightPhase::DEFAULT_JOINT.schedule };
+        assert_eq!(config.joint, [LightPhase { schedule, ..LightPhase::DEFAULT_JOINT }]);
         let message = |text| read(text).unwrap_err().to_string();
         for (text, field) in [
             ("[[light]]\nstep = 3", "step"),
@@ -349,7 +352,7 @@ mod tests {
         assert!(message("[[light]]\nsteps = 'many'").contains("invalid type: string \"many\", expected u64"));
     }
 
-    /// A file of before fields had the names that they have.
+    /// Reads a file with the former names of fields.
     #[test]
     fn former_names_are_read() {
         let former = "average_decay = 0.98\njudge_rate = 0.25\n[data]\nahead = 7\n[[depth]]\nrate = 2e-4\n\

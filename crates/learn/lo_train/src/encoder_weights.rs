@@ -1,4 +1,4 @@
-//! Published weights that an encoder begins with: who made them, and reading their files.
+//! Published encoder weights: provenance and file reading.
 
 use std::path::Path;
 
@@ -10,16 +10,18 @@ use sha2::{Digest, Sha256};
 
 use crate::error::TrainError;
 
-/// Where an encoder's weights came from.
+/// Provenance of an encoder's initial weights.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EncoderOrigin {
-    /// The file's name.
+    /// Name of the file.
     pub file: String,
-    /// SHA-256 of the file, in hexadecimal.
+    /// SHA-256 of the file, hexadecimal.
     pub sha256: String,
 }
 
-/// The published file of an encoder's weights: its name, and what its SHA-256 begins with, of which torchvision publishes eight digits.
+/// Returns the name of an encoder's published weights file and the prefix of its SHA-256.
+///
+/// torchvision publishes eight digits, the others all 64.
 pub fn published(encoder: EncoderKind) -> (&'static str, &'static str) {
     match encoder {
         EncoderKind::DenseNet121 => ("densenet121-a639ec97.pth", "a639ec97"),
@@ -33,27 +35,28 @@ pub fn published(encoder: EncoderKind) -> (&'static str, &'static str) {
 }
 
 impl EncoderOrigin {
-    /// Whether it is the [published] file to the bit. One that was converted is not.
+    /// Returns whether the file is the [published] one, bit for bit. A converted file is not.
     pub fn is_published(&self, encoder: EncoderKind) -> bool {
         self.sha256.starts_with(published(encoder).1)
     }
 }
 
-/// Reads weights with the names that they were published with: of a `.safetensors` file, or of any that `torch.save` has written (`.pth`, `.pt`), of
-/// which no code is run.
+/// Reads weights under their published names from a `.safetensors` file or a `torch.save` file (`.pth`, `.pt`).
+///
+/// Code in pickled files is not executed.
 ///
 /// # Errors
-/// Files that cannot be read, and a file by the name of the [published] one that is another.
+/// Unreadable files, and a file with the name but not the contents of the [published] one.
 pub fn read_encoder(path: &Path, encoder: EncoderKind) -> Result<(Checkpoint, EncoderOrigin), TrainError> {
     let bytes = std::fs::read(path).map_err(TrainError::io(path))?;
     let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
     let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let origin = EncoderOrigin { file, sha256 };
     let wrong = |reason: String| TrainError::EncoderWeights { path: path.to_owned(), reason };
-    let (name, begins_with) = published(encoder);
+    let (name, prefix) = published(encoder);
     if origin.file == name && !origin.is_published(encoder) {
         let EncoderOrigin { sha256, .. } = origin;
-        return Err(wrong(format!("damaged, or not the published file: its SHA-256 is {sha256}, not {begins_with}")));
+        return Err(wrong(format!("damaged, or not the published file: its SHA-256 is {sha256}, expected {prefix}")));
     }
     let is_safetensors = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("safetensors"));
     let weights = if is_safetensors {
@@ -72,13 +75,13 @@ pub fn read_encoder(path: &Path, encoder: EncoderKind) -> Result<(Checkpoint, En
     Ok((weights, origin))
 }
 
-/// A tensor's numbers; `None` where they are integers, as counts of batches are.
+/// Reads a tensor as floats; `None` for integers such as `num_batches_tracked`.
 fn floats(tensor: &Tensor) -> Result<Option<Vec<f32>>, String> {
     let read = || tensor.read().map_err(|error| error.to_string());
     Ok(Some(match tensor.dtype() {
         DType::F32 => read()?.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect(),
         DType::F64 => read()?.as_chunks::<8>().0.iter().map(|&b| f64::from_le_bytes(b) as f32).collect(),
         DType::I64 | DType::I32 | DType::I16 | DType::I8 | DType::U8 | DType::Bool => return Ok(None),
-        other => return Err(format!("its numbers are {other:?}; F32 or F64 are wanted")),
+        other => return Err(format!("its data type is {other:?}; F32 or F64 is required")),
     }))
 }

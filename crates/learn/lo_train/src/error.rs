@@ -5,129 +5,133 @@ use lo_events::{Cancelled, TrainingPhase};
 use lo_nets::checkpoint::CheckpointError;
 use lo_nets::light::{LightConfigError, LightError};
 
-/// Why a run cannot begin or go on.
+/// Errors of a training run.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// A configuration out of range.
+    /// The configuration is invalid.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The handler of events asked the run to end; it can be resumed.
+    /// The event handler cancelled the run; it can be resumed.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
-    /// The data cannot be opened.
+    /// A dataset cannot be opened.
     #[error(transparent)]
     Data(#[from] DatasetError),
-    /// A checkpoint or file of weights cannot be read, written or used.
+    /// A checkpoint or weights file cannot be read or written, or does not fit.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// The file system refused.
+    /// A file operation failed.
     #[error("{}: {source}", path.display())]
     Io {
         /// File or folder.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The contact sheet cannot be written.
     #[error(transparent)]
     Image(#[from] lo_imaging::ImageError),
-    /// The checkpoint is of no run, or of one that this program or configuration cannot continue.
+    /// The file does not belong to a run that this program and configuration can continue or start from.
     #[error("{}: {reason}", path.display())]
     NotThisRun {
-        /// The checkpoint.
+        /// The checkpoint or weights file.
         path: PathBuf,
-        /// What is wrong.
+        /// The mismatch.
         reason: String,
     },
-    /// A file of an encoder's weights is not what it should be.
+    /// A file of encoder weights is damaged or unreadable.
     #[error("{}: {reason}", path.display())]
     EncoderWeights {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The mismatch.
         reason: String,
     },
-    /// No sample of the dataset can be used.
-    #[error("none of {count} samples in a row can be used; the last: {last}")]
+    /// Too many consecutive samples cannot be used.
+    #[error("{count} consecutive samples cannot be used; the last: {last}")]
     NoSamples {
-        /// How many were tried.
+        /// Samples tried.
         count: u64,
-        /// What is wrong with the last.
+        /// The last sample and its problem.
         last: String,
     },
-    /// The dataset has no sample to train on.
-    #[error("the dataset has no samples to train on")]
+    /// The dataset has no training samples.
+    #[error("the dataset has no training samples")]
     Empty,
-    /// Going back to the last checkpoint did not help.
-    #[error("step {step} of {phase}: {fault}; going back to the checkpoint did not help {times} times")]
+    /// Training diverged repeatedly after the same checkpoint.
+    #[error(
+        "{phase}, step {step}: {cause}; training diverged again after {times} rollbacks to the last checkpoint, \
+        try a lower learning_rate"
+    )]
     Diverged {
-        /// Which phase.
+        /// The phase.
         phase: TrainingPhase,
-        /// Which of its steps.
+        /// Its step.
         step: u64,
-        /// What is no number.
-        fault: Fault,
-        /// How often it was tried.
+        /// Why the step failed.
+        cause: StepError,
+        /// Rollbacks to the checkpoint.
         times: u32,
     },
 }
 
-/// What cannot be trained.
+/// Errors of a configuration.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConfigError {
-    /// A field out of its range.
-    #[error("{field} is {value}; it must lie in {min} to {max}")]
+    /// A field is out of range.
+    #[error("{field} is {value}; it must be between {min} and {max}")]
     OutOfRange {
-        /// Its path in the file.
+        /// Path of the field in the file.
         field: String,
         /// Its value.
         value: f64,
-        /// The least one that is possible beside the other fields.
+        /// Smallest valid value, given the other fields.
         min: f64,
-        /// The greatest one.
+        /// Largest valid value.
         max: f64,
     },
-    /// A light network that cannot be.
+    /// The shape of the light network is invalid.
     #[error("network: {0}")]
     Network(#[from] LightConfigError),
-    /// Rooms that cannot be generated.
+    /// The room generator's configuration is invalid.
     #[error("data.generator: {0}")]
     Generator(String),
-    /// There is nothing to do.
-    #[error("there are no phases: none of depth, light and joint is given")]
+    /// The configuration has no phases.
+    #[error("no training phases: add at least one of [[depth]], [[light]], [[joint]] and [[expected]]")]
     NoPhases,
 }
 
-/// What made a step impossible: numbers that are none.
+/// Errors of a training step: NaN or infinite values.
 #[derive(Debug, thiserror::Error)]
-pub enum Fault {
-    /// Of a gradient.
-    #[error("the gradient of {parameter} is not finite{}", neither(losses))]
+pub enum StepError {
+    /// A gradient is not finite.
+    #[error("the gradient of {parameter} is not finite{}", list_losses(losses))]
     Gradient {
-        /// The first parameter whose gradient it is.
+        /// First parameter with such a gradient.
         parameter: String,
-        /// The losses that are no numbers either.
+        /// Losses that are not finite either.
         losses: Vec<&'static str>,
     },
-    /// Of the weights.
+    /// A weight is not finite.
     #[error("{parameter} is not finite")]
     Weights {
-        /// The first parameter.
+        /// First parameter with such a weight.
         parameter: String,
     },
-    /// Of the depth that the depth network predicts.
-    #[error("depth_net's depth is not finite")]
+    /// Predicted depth is not finite.
+    #[error("the depth predicted by depth_net is not finite")]
     Depth,
-    /// Of the light network's output.
+    /// The light network's output is invalid.
     #[error("light_net: {0}")]
     Light(#[from] LightError),
 }
 
-fn neither(losses: &[&str]) -> String {
-    if losses.is_empty() { String::new() } else { format!("; neither are the losses {}", losses.join(", ")) }
+fn list_losses(losses: &[&str]) -> String {
+    if losses.is_empty() { String::new() } else { format!("; non-finite losses: {}", losses.join(", ")) }
 }
 
-pub(crate) fn inside(field: &str, value: f64, min: f64, max: f64) -> Result<(), ConfigError> {
+/// Checks that a field is between `min` and `max`.
+pub(crate) fn check_range(field: &str, value: f64, min: f64, max: f64) -> Result<(), ConfigError> {
     match (min..=max).contains(&value) {
         true => Ok(()),
         false => Err(ConfigError::OutOfRange { field: field.to_owned(), value, min, max }),

@@ -1,4 +1,4 @@
-//! From a sample to what a step of training needs.
+//! Training examples, made from samples.
 
 use lo_cone::{ConeTracer, Settings};
 use lo_dataset::{NovelView, Sample, TrueLeaves, true_octree};
@@ -12,61 +12,62 @@ use lo_octree::LightOctree;
 use lo_random::{RngExt, Stream};
 use lo_scene::Frame;
 
-use crate::augmentation::{Variation, varied_rays};
-use crate::rays::drawn_panorama_rays;
+use crate::augmentation::{Variation, augmented_rays};
+use crate::rays::sample_panorama_rays;
 
-/// Size of the panorama that the depth network's global lighting decoder gives.
+/// Size of the single map.
 pub(crate) const PANORAMA: (usize, usize) = (128, 64);
 
-/// Depths of the octree that the true panorama at the camera is rendered from. At the greatest, leaves are as large as the panorama's pixels at 4 m.
+/// Smallest and largest depth of the octree that the true panorama at the camera is rendered from. At the largest,
+/// leaves match the panorama's pixels at 4 m.
 const PANORAMA_DEPTHS: [u32; 2] = [3, 6];
 
-/// Edge of that octree's leaves over the distance of surface points from each other, at least: smaller ones would leave holes.
-const POINTS_IN_A_ROW: f32 = 1.25;
+/// Smallest leaf edge of that octree, in spacings of the surface points. Smaller leaves would leave holes.
+const MIN_LEAF_SPACINGS: f32 = 1.25;
 
-/// How far from the camera a panorama may stand and be taken for its own.
-const MAX_ASIDE_M: f32 = 0.05;
+/// Largest distance from the camera at which a panorama counts as taken there.
+const AT_CAMERA_M: f32 = 0.05;
 
-/// Photo values from this on count as clipped where rays of the photo are compared, as in [`Frame::clipped`].
+/// Photo values from which rays of the photo count as clipped, as in [`Frame::clipped`].
 const WHITE: f32 = 0.956;
 
-/// Why a sample is passed over.
+/// Reasons to skip a sample.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Unusable {
-    /// It lacks something.
-    #[error("it has no {0}")]
+pub enum UnusableSample {
+    /// Required data is missing.
+    #[error("the sample has no {0}")]
     Missing(&'static str),
-    /// Photo and depth make no frame, or its octree cannot be.
+    /// Photo and depth are inconsistent, or the octree cannot be built.
     #[error("{0}")]
-    Impossible(String),
+    Invalid(String),
 }
 
-fn impossible(reason: impl ToString) -> Unusable {
-    Unusable::Impossible(reason.to_string())
+fn invalid(reason: impl ToString) -> UnusableSample {
+    UnusableSample::Invalid(reason.to_string())
 }
 
-/// What a step of the depth network needs.
+/// A training example of the depth network.
 #[derive(Debug)]
 pub(crate) struct DepthExample {
     pub photo: Image<[u8; 3]>,
-    /// True depth of the same size; without readings where nothing is known.
+    /// True depth of the same size; 0 where unknown.
     pub depth_m: DepthMap,
-    /// The photo's.
+    /// Camera of the photo.
     pub camera: Camera,
-    /// How it was held, where that is known.
+    /// Orientation and field of view of the camera, if known.
     pub perspective: Option<Perspective>,
-    /// The true panorama at the camera, of size [`PANORAMA`], where it is known.
+    /// True panorama at the camera, of size [`PANORAMA`], if known.
     pub panorama: Option<RadianceImage>,
 }
 
 impl DepthExample {
-    pub fn new(sample: &Sample, variation: &Variation, longer_side: usize) -> Result<Self, Unusable> {
+    pub fn new(sample: &Sample, variation: &Variation, longer_side: usize) -> Result<Self, UnusableSample> {
         let photo = variation.photo(&sample.photo);
-        // A wrong focal length is the light network's matter: the picture itself is of the true camera.
+        // A wrong focal length is an augmentation of the light network only.
         let variation = Variation { focal: 1.0, ..*variation };
         let panorama = true_panorama(sample, &variation)?;
         if panorama.is_none() && sample.depth_m.is_none() {
-            return Err(Unusable::Missing("depth, nor a panorama at its camera"));
+            return Err(UnusableSample::Missing("depth and no panorama at its camera"));
         }
         let depth_m = match &sample.depth_m {
             Some(depth_m) => variation.depth(depth_m),
@@ -74,7 +75,7 @@ impl DepthExample {
         };
         let camera = variation.camera(&sample.camera);
         let perspective = variation.up(sample).map(|up| Perspective { up, half_extent: camera.half_extent() });
-        // Of the whole photo's shape, so that photos of one size are one batch however they are cut.
+        // The aspect ratio of the whole photo, so that photos of one size share a batch however they are cropped.
         let [width, height] = size_within([sample.photo.width(), sample.photo.height()], longer_side);
         let photo = if (width, height) == (photo.width(), photo.height()) {
             photo
@@ -87,28 +88,29 @@ impl DepthExample {
         Ok(Self { photo, depth_m, camera, perspective, panorama })
     }
 
-    /// Width and height of the photo.
+    /// Returns width and height of the photo.
     pub fn size(&self) -> [usize; 2] {
         [self.photo.width(), self.photo.height()]
     }
 
-    /// What the photo shows of the panorama: radiance times share, share.
+    /// Projects the photo onto the panorama: premultiplied radiance, coverage.
     pub fn shown(&self) -> Image<[f32; 4]> {
         let linear = self.photo.map(|rgb| rgb.map(linear_from_srgb8));
         lo_imaging::equirectangular_from_perspective(&linear, &self.camera, Mat3::IDENTITY, PANORAMA.0, PANORAMA.1)
     }
 
-    /// What the depth network ought to say, but for the logarithm.
+    /// Returns the target of the depth network before the logarithm: half the longer side of the
+    /// view at each pixel's depth, metres.
     pub fn extent_m(&self) -> DepthMap {
         let extent = self.camera.half_extent() as f32;
         self.depth_m.map(|z| z * extent)
     }
 }
 
-/// The panorama at the camera: the one that was taken there, if one was, else from the room's surfaces, where they are known.
-fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<RadianceImage>, Unusable> {
+/// Returns the true panorama at the camera: one that was taken there, else rendered from surface points, if any.
+fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<RadianceImage>, UnusableSample> {
     let (width, height) = PANORAMA;
-    let here = |view: &&NovelView| view.position_m.length() < MAX_ASIDE_M;
+    let here = |view: &&NovelView| view.position_m.length() < AT_CAMERA_M;
     if let Some(view) = sample.views.iter().find(here) {
         let turned = lo_imaging::rotate_equirectangular(&view.radiance, view.rotation, width, height);
         let column = |x: usize| if variation.mirrored { width - 1 - x } else { x };
@@ -123,14 +125,14 @@ fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<Radian
     let cube = Cube::centred(0.5 * (low + high), 1.01 * (high - low).max_element());
     let spacing_m = sample.point_area_m2.map_or(0.0, f32::sqrt);
     let [coarse, fine] = PANORAMA_DEPTHS;
-    let closed = |depth: &u32| cube.node_edge_m(*depth) >= POINTS_IN_A_ROW * spacing_m;
+    let closed = |depth: &u32| cube.node_edge_m(*depth) >= MIN_LEAF_SPACINGS * spacing_m;
     let depth = (coarse..=fine).rev().find(closed).unwrap_or(coarse);
-    let (octree, _) = LightOctree::from_points(&points, cube, depth, coarse).map_err(impossible)?;
-    let tracer = ConeTracer::new(&octree, Settings::default()).map_err(impossible)?;
+    let (octree, _) = LightOctree::from_points(&points, cube, depth, coarse).map_err(invalid)?;
+    let tracer = ConeTracer::new(&octree, Settings::default()).map_err(invalid)?;
     Ok(Some(tracer.panorama(Vec3::ZERO, width, height).radiance))
 }
 
-/// What a step of the network of expected light needs.
+/// A training example of the network of expected light.
 #[derive(Debug)]
 pub(crate) struct ExpectedExample {
     pub statistics: PhotoStatistics,
@@ -138,11 +140,11 @@ pub(crate) struct ExpectedExample {
 }
 
 impl ExpectedExample {
-    /// With depth as this network predicts it.
-    pub fn new(sample: &Sample, variation: &Variation, depth_net: &DepthNet) -> Result<Self, Unusable> {
+    /// Makes an example with depth predicted by `depth_net`.
+    pub fn new(sample: &Sample, variation: &Variation, depth_net: &DepthNet) -> Result<Self, UnusableSample> {
         let example = DepthExample::new(sample, variation, depth_net.longer_side())?;
-        let panorama = example.panorama.ok_or(Unusable::Missing("panorama at its camera"))?;
-        let Perspective { up, .. } = example.perspective.ok_or(Unusable::Missing("direction of up"))?;
+        let panorama = example.panorama.ok_or(UnusableSample::Missing("panorama at its camera"))?;
+        let Perspective { up, .. } = example.perspective.ok_or(UnusableSample::Missing("direction of up"))?;
         let depth_m = depth_net.forward(&[&example.photo]).depth_m(&example.camera);
         let photo = example.photo.map(|rgb| rgb.map(linear_from_srgb8));
         let statistics = PhotoStatistics::new(&photo, &depth_m, &example.camera, up);
@@ -151,10 +153,10 @@ impl ExpectedExample {
     }
 }
 
-/// What a step of the light network needs.
+/// A training example of the light network.
 #[derive(Debug)]
 pub(crate) struct LightExample {
-    /// Of the points alone.
+    /// Input from the visible points, without the single map.
     pub input: LightInput,
     /// Unit vector against gravity.
     pub up: Vec3,
@@ -165,102 +167,103 @@ pub(crate) struct LightExample {
     pub visible: Rays,
 }
 
-/// How many rays a step compares.
+/// Numbers of rays per step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RayCounts {
     pub novel: usize,
     pub visible: usize,
 }
 
-/// Where the depth of what is seen comes from.
+/// Source of the depth of observed surfaces.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum KnownDepth<'a> {
+pub(crate) enum DepthSource<'a> {
     True,
-    /// The true one where there is no sensor's.
+    /// Sensor depth; true depth for samples without it.
     Sensor,
-    /// A prediction, of the varied photo.
+    /// Depth predicted from the augmented photo.
     Predicted(&'a DepthMap),
 }
 
 impl LightExample {
-    /// With the photo that the frame was made of.
+    /// Makes an example of an augmented sample.
     pub fn new(
         sample: &Sample,
         variation: &Variation,
-        depth: KnownDepth,
+        depth: DepthSource,
         network: &LightNetConfig,
         rays: RayCounts,
         stream: &mut Stream,
-    ) -> Result<Self, Unusable> {
-        let room = VariedRoom::new(sample, variation, depth)?;
+    ) -> Result<Self, UnusableSample> {
+        let room = AugmentedRoom::new(sample, variation, depth)?;
         let input = room.input(network, stream.random())?;
         let truth = room.truth(network)?;
-        let novel = drawn_panorama_rays(&sample.views, rays.novel, stream);
-        let novel = varied_rays(novel, variation, room.scale, room.seen.cube);
+        let novel = sample_panorama_rays(&sample.views, rays.novel, stream);
+        let novel = augmented_rays(novel, variation, room.scale, room.seen.cube);
         let visible = room.visible_rays(sample, variation, rays.visible, stream);
         Ok(Self { input, up: room.seen.room.up, truth, novel, visible })
     }
 }
 
-/// A sample's room as the light network has to see it.
-pub(crate) struct VariedRoom {
+/// An augmented sample's room, as input and target of the light network.
+pub(crate) struct AugmentedRoom {
     pub seen: SeenFrame,
     /// The frame at the working resolution.
     pub working: Frame,
     points: Vec<lo_octree::RadiancePoint>,
-    /// The room is larger than the true one by this factor: that of predicted depth. Its octree has to agree with what is seen.
+    /// Scale of the room relative to the truth, so that its octree fits the predicted depth.
     pub scale: f32,
 }
 
-impl VariedRoom {
-    pub fn new(sample: &Sample, variation: &Variation, depth: KnownDepth) -> Result<Self, Unusable> {
+impl AugmentedRoom {
+    pub fn new(sample: &Sample, variation: &Variation, depth: DepthSource) -> Result<Self, UnusableSample> {
         if sample.points.is_empty() {
-            return Err(Unusable::Missing("surface points"));
+            return Err(UnusableSample::Missing("surface points"));
         }
-        let truth = || sample.depth_m.as_ref().ok_or(Unusable::Missing("true depth"));
+        let truth = || sample.depth_m.as_ref().ok_or(UnusableSample::Missing("true depth"));
         let (depth_m, scale) = match depth {
-            KnownDepth::True => (variation.depth(truth()?), 1.0),
-            KnownDepth::Sensor => match &sample.sensor_depth_m {
+            DepthSource::True => (variation.depth(truth()?), 1.0),
+            DepthSource::Sensor => match &sample.sensor_depth_m {
                 Some(sensor) => (variation.depth(sensor), 1.0),
                 None => (variation.depth(truth()?), 1.0),
             },
-            KnownDepth::Predicted(predicted) => {
+            DepthSource::Predicted(predicted) => {
                 (predicted.clone(), median_ratio(predicted, &variation.depth(truth()?)))
             }
         };
         let photo = Photo::Srgb8(variation.photo(&sample.photo));
-        let frame = Frame::new(photo, depth_m, variation.camera(&sample.camera), 1.0).map_err(impossible)?;
+        let frame = Frame::new(photo, depth_m, variation.camera(&sample.camera), 1.0).map_err(invalid)?;
         let working = frame.working();
         let seen = SeenFrame::new(&working, variation.up(sample), None)
-            .ok_or(Unusable::Missing("depth reading that is not a flying pixel's"))?;
+            .ok_or(UnusableSample::Missing("depth reading that is not a flying pixel's"))?;
         let mut points = variation.points(&sample.points);
         points.iter_mut().for_each(|point| point.position_m *= scale);
         Ok(Self { seen, working, points, scale })
     }
 
-    /// The light network's input.
-    pub fn input(&self, network: &LightNetConfig, seed: u64) -> Result<LightInput, Unusable> {
+    /// Returns the light network's input.
+    pub fn input(&self, network: &LightNetConfig, seed: u64) -> Result<LightInput, UnusableSample> {
         let SeenFrame { points, camera, cube, .. } = &self.seen;
-        LightInput::new(points, camera, *cube, network, seed).map_err(impossible)
+        LightInput::new(points, camera, *cube, network, seed).map_err(invalid)
     }
 
-    /// What it ought to give.
-    pub fn truth(&self, network: &LightNetConfig) -> Result<LightOctree, Unusable> {
+    /// Returns the true octree, the light network's target.
+    pub fn truth(&self, network: &LightNetConfig) -> Result<LightOctree, UnusableSample> {
         let SeenFrame { cube, .. } = self.seen;
-        true_octree(&self.points, TrueLeaves::All, cube, network.depth, network.full_depth).map_err(impossible)
+        true_octree(&self.points, TrueLeaves::All, cube, network.depth, network.full_depth).map_err(invalid)
     }
 
+    /// Draws rays of the photo.
     fn visible_rays(&self, sample: &Sample, variation: &Variation, count: usize, stream: &mut Stream) -> Rays {
         let Some(depth_m) = &sample.depth_m else { return Rays::from_iter([]) };
         let photo = self.working.radiance();
         let depth_m = lo_imaging::resize_depth(&variation.depth(depth_m), photo.width(), photo.height());
         let rays = Rays::of_photo(&photo, &depth_m, &self.working.camera, WHITE, count, stream);
-        // The camera is the believed one already; depth is true and only has to follow the room's scale.
-        varied_rays(rays, &Variation::NONE, self.scale, self.seen.cube)
+        // The camera is already augmented; depth is true and needs only the room's scale.
+        augmented_rays(rays, &Variation::NONE, self.scale, self.seen.cube)
     }
 }
 
-/// e^median of log(a / b) where both are known.
+/// Returns the median of a / b over the pixels where both are known; 1 without any.
 fn median_ratio(a: &DepthMap, b: &DepthMap) -> f32 {
     let b = lo_imaging::resize_depth(b, a.width(), a.height());
     let known = a.pixels().iter().zip(b.pixels()).filter(|(a, b)| **a > 0.0 && **b > 0.0);
@@ -284,7 +287,7 @@ mod tests {
         sample_for(6)
     }
 
-    /// With points for octrees of this depth.
+    /// Generates a sample with surface points for octrees of this depth.
     fn sample_for(octree_depth: u32) -> Sample {
         let room = SynthConfig { crop_size: [120, 80], ..SynthConfig::default() };
         let config =
@@ -305,9 +308,9 @@ mod tests {
         let doubled = sample.depth_m.as_ref().unwrap().map(|z| 2.0 * z);
         let doubled_turned = wrong.depth(&doubled);
         let cases = [
-            (Variation::NONE, KnownDepth::True, 1.0),
-            (wrong, KnownDepth::True, 1.0),
-            (wrong, KnownDepth::Predicted(&doubled_turned), 2.0),
+            (Variation::NONE, DepthSource::True, 1.0),
+            (wrong, DepthSource::True, 1.0),
+            (wrong, DepthSource::Predicted(&doubled_turned), 2.0),
         ];
         for (variation, depth, scale) in cases {
             let rays = RayCounts { novel: 2000, visible: 2000 };
@@ -321,9 +324,9 @@ mod tests {
                 tracer.trace_batch(&rays.cones, &mut seen);
                 let known = || (0..rays.len()).filter(|&i| rays.distance_m[i] > 0.0);
                 let off = median(known().map(|i| (seen[i].distance_m - rays.distance_m[i]).abs()).collect());
-                // A ray ends in the leaf that holds the surface, up to a leaf before it; with anything mixed up it is metres off.
+                // A ray ends within a leaf of the surface; in mismatched frames it would be metres off.
                 assert!(off < leaf_m, "{what} at {variation:?}: {off} m, a leaf has {leaf_m} m");
-                // The photo has a tone curve of its own; panoramas have none.
+                // The photo has a tone curve, panoramas have none.
                 let limit = if what == "photo" { 0.35 } else { 0.15 };
                 let log = |i: usize| (seen[i].radiance[1].ln_1p() - rays.radiance[i][1].ln_1p()).abs();
                 let off = median(known().map(log).collect());

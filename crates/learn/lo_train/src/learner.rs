@@ -1,4 +1,4 @@
-//! The networks while they learn: weights, optimisers, averages, and one step of each stage.
+//! Networks in training: weights, optimisers, averages, and one step of each stage.
 
 use std::path::Path;
 
@@ -14,60 +14,60 @@ use lo_random::Stream;
 use serde::{Deserialize, Serialize};
 
 use crate::config::TrainConfig;
-use crate::deepen::deepened;
-use crate::error::{ConfigError, Fault, TrainError};
+use crate::error::{ConfigError, StepError, TrainError};
 use crate::example::{DepthExample, ExpectedExample, LightExample, PANORAMA};
+use crate::net_trainer::NetTrainer;
 use crate::phases::DepthPhase;
-use crate::trained::Trained;
+use crate::transfer::transfer_stages;
 use crate::weights::gradient_norm;
 
-/// Names in a checkpoint. The averages are under those that [`Networks`] has, so that a checkpoint also is a file of weights.
+/// Prefixes in a checkpoint. Averages have the names of [`Networks`], so that a checkpoint is also a weights file.
 const DEPTH: &str = "training.depth_net";
 const LIGHT: &str = "training.light_net";
 const EXPECTED: &str = "training.expected_light";
 const DISCRIMINATOR: &str = "training.discriminator";
 
-/// The parts of a loss and what came of them.
+/// Losses and gradient norms of a step.
 #[derive(Debug, Default)]
 pub(crate) struct Progress {
-    /// Name and value, not weighted.
+    /// Name and unweighted value.
     pub losses: Vec<(&'static str, f32)>,
-    /// Norms of the gradients before they were shortened.
+    /// Norms of the gradients before clipping.
     pub norms: Vec<(&'static str, f32)>,
 }
 
 /// All networks of a run.
 #[derive(Debug)]
 pub(crate) struct Learner {
-    pub depth: Trained<DepthNet>,
-    pub light: Trained<LightNet>,
-    pub expected: Trained<ExpectedLightNet>,
-    /// Shape of the light network as it is now.
+    pub depth: NetTrainer<DepthNet>,
+    pub light: NetTrainer<LightNet>,
+    pub expected: NetTrainer<ExpectedLightNet>,
+    /// Current shape of the light network.
     pub network: LightNetConfig,
     discriminator: PatchGan,
     discriminator_adam: Adam,
 }
 
-/// Which networks they are, and the steps of the averages since they began.
+/// Configurations of the networks, and steps since their averages began.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct LearnerState {
     #[serde(flatten)]
     depth: DepthNetConfig,
     network: LightNetConfig,
     averaged: [u64; 2],
-    /// The same of the network of expected light.
+    /// Steps of the average of the network of expected light.
     #[serde(default)]
     averaged_expected: u64,
 }
 
-/// Where gradients are recorded.
+/// Returns the device that records gradients.
 fn recording() -> Device {
     Device::flex().autodiff()
 }
 
-fn untrained_expected(seed: u64) -> Trained<ExpectedLightNet> {
+fn untrained_expected(seed: u64) -> NetTrainer<ExpectedLightNet> {
     let [net, average] = [recording(), Device::flex()].map(|device| ExpectedLightNet::new(seed, &device));
-    Trained { net, average, adam: Adam::default(), steps: 0 }
+    NetTrainer { net, average, adam: Adam::default(), steps: 0 }
 }
 
 fn scalar(loss: &Tensor<1>) -> f32 {
@@ -75,25 +75,25 @@ fn scalar(loss: &Tensor<1>) -> f32 {
 }
 
 impl Learner {
-    /// Untrained networks, the light network for this octree depth.
+    /// Creates untrained networks, the light network for this octree depth.
     ///
     /// # Errors
-    /// A configuration out of range.
+    /// An invalid shape of the light network.
     pub fn new(config: &TrainConfig, octree_depth: u32, seed: u64) -> Result<Self, LightConfigError> {
         let network = config.network_of(octree_depth);
         let features = network.global_features;
         let plain = || Device::flex();
         let mut discriminator_adam = Adam::default();
-        // As Isola et al. 2017.
+        // Isola et al. 2017.
         discriminator_adam.beta1 = 0.5;
         Ok(Self {
-            depth: Trained {
+            depth: NetTrainer {
                 net: DepthNet::new(config.encoder, features, seed, &recording()).with_longer_side(config.longer_side),
                 average: DepthNet::new(config.encoder, features, seed, &plain()).with_longer_side(config.longer_side),
                 adam: Adam::default(),
                 steps: 0,
             },
-            light: Trained {
+            light: NetTrainer {
                 net: LightNet::new(&network, seed, &recording())?,
                 average: LightNet::new(&network, seed, &plain())?,
                 adam: Adam::default(),
@@ -106,71 +106,74 @@ impl Learner {
         })
     }
 
-    /// Starts the depth network's encoder with published weights.
+    /// Initialises the depth network's encoder with published weights.
     ///
     /// # Errors
-    /// Names what is missing or of another shape.
+    /// Missing tensors or different shapes.
     pub fn load_encoder(&mut self, weights: &Checkpoint) -> Result<(), CheckpointError> {
         self.depth.net.encoder = self.depth.net.encoder.clone().load_published(weights)?;
         self.depth.average.encoder = self.depth.average.encoder.clone().load_published(weights)?;
         Ok(())
     }
 
-    /// Starts with the networks of a file of weights, the light network made one for octrees of the depth at hand.
+    /// Initialises all networks from a weights file; the light network is converted to the current octree depth.
     ///
     /// # Errors
-    /// Of the file; networks of another shape than the configuration's.
+    /// Unreadable files; shapes that differ from the configuration.
     pub fn load(&mut self, path: &Path, config: &TrainConfig, seed: u64) -> Result<(), TrainError> {
-        // Twice: clones share running statistics.
+        // Read twice: clones share running statistics.
         let (start, average) = (Networks::read(path)?, Networks::read(path)?);
         let own = &start.config;
         let wanted = config.network_of(own.depth);
         if *own != wanted {
             return Err(not_this_run(
                 path,
-                "its networks are of another shape than [network] of the configuration says",
+                "the shape of its light network differs from [network] in the configuration",
             ));
         }
-        self.take_depth(path, [start.depth, average.depth], config)?;
+        self.set_depth(path, [start.depth, average.depth], config)?;
         if let (Some(net), Some(average)) = (start.expected, average.expected) {
-            self.expected = Trained { net: net.train(), average, adam: Adam::default(), steps: 1 };
+            self.expected = NetTrainer { net: net.train(), average, adam: Adam::default(), steps: 1 };
         }
         let light = |old: &LightNet, device: &Device| {
-            deepened(old, own, &self.network, seed, device).map_err(ConfigError::from)
+            transfer_stages(old, own, &self.network, seed, device).map_err(ConfigError::from)
         };
         (self.light.net, self.light.average) =
             (light(&start.light, &recording())?, light(&average.light, &Device::flex())?);
         Ok(())
     }
 
-    /// Starts with the depth network of a file of weights, and with a light network as it was drawn.
+    /// Initialises the depth network from a weights file; the light network keeps its random weights.
     ///
     /// # Errors
-    /// Of the file; another encoder or other global features than the configuration's.
+    /// Unreadable files; an encoder or number of global features that differs from the configuration.
     pub fn load_depth(&mut self, path: &Path, config: &TrainConfig) -> Result<(), TrainError> {
-        // Twice: clones share running statistics.
+        // Read twice: clones share running statistics.
         let (start, average) = (Networks::read(path)?, Networks::read(path)?);
         if start.config.global_features != config.network.global_features {
             return Err(not_this_run(
                 path,
-                "its global features are not as many as [network] of the configuration says",
+                "its number of global features differs from global_features of [network] in the configuration",
             ));
         }
-        self.take_depth(path, [start.depth, average.depth], config)
+        self.set_depth(path, [start.depth, average.depth], config)
     }
 
-    /// A depth network of the file at `path`, to go on with and as the average.
-    fn take_depth(&mut self, path: &Path, read: [DepthNet; 2], config: &TrainConfig) -> Result<(), TrainError> {
-        let [net, mut average] = read;
+    /// Sets the depth network and its average, which were read from `path`.
+    ///
+    /// # Errors
+    /// An encoder that differs from the configuration.
+    fn set_depth(&mut self, path: &Path, nets: [DepthNet; 2], config: &TrainConfig) -> Result<(), TrainError> {
+        let [net, mut average] = nets;
         let encoder = net.encoder_kind();
         if encoder != config.encoder {
             return Err(not_this_run(
                 path,
-                &format!("its encoder is {encoder}, that of the configuration {}", config.encoder),
+                &format!("its encoder is {encoder}, but the configuration has encoder = \"{}\"", config.encoder),
             ));
         }
         let mut net = net.train();
-        // What weights of before have not learned begins as it was drawn.
+        // Heads that older weights files lack keep their random weights.
         let own = [self.depth.net.perspective.take(), self.depth.average.perspective.take()];
         for (head, own) in [&mut net.perspective, &mut average.perspective].into_iter().zip(own) {
             match (head.as_mut(), own) {
@@ -184,7 +187,7 @@ impl Learner {
         Ok(())
     }
 
-    /// The averaged weights: what is used.
+    /// Returns the averaged weights, which are used for inference.
     pub fn averages(&self) -> Networks {
         Networks {
             depth: self.depth.average.clone(),
@@ -194,15 +197,16 @@ impl Learner {
         }
     }
 
-    /// The averaged weights as a file of them gives them back, in 16 bits: what is validated.
+    /// Returns the averaged weights rounded to 16 bits, as in an exported file; used for validation.
     pub fn exported(&self) -> Networks {
         let mut checkpoint = Checkpoint::default();
         self.averages().add_to(&mut checkpoint);
         checkpoint.round_to_half();
-        Networks::from_checkpoint(checkpoint, &Device::flex()).expect("networks are what they were made of")
+        Networks::from_checkpoint(checkpoint, &Device::flex())
+            .expect("the checkpoint was made from networks of this shape")
     }
 
-    /// Adds everything to a checkpoint but what [`LearnerState`] holds, which it gives.
+    /// Adds weights and optimisers to a checkpoint, and returns the remaining state.
     pub fn add_to(&self, checkpoint: &mut Checkpoint) -> LearnerState {
         self.averages().add_to(checkpoint);
         checkpoint.add_module(DEPTH, &self.depth.net);
@@ -225,10 +229,10 @@ impl Learner {
         }
     }
 
-    /// What [`Learner::add_to`] added.
+    /// Restores what [`Learner::add_to`] added.
     ///
     /// # Errors
-    /// Names what is missing or of another shape.
+    /// Missing tensors or different shapes.
     pub fn from_checkpoint(mut checkpoint: Checkpoint, state: &LearnerState) -> Result<Self, CheckpointError> {
         let wrong = |problem| CheckpointError::Weights { module: LIGHT.to_owned(), problems: vec![problem] };
         let LearnerState { depth, network, averaged: [depth_steps, light_steps], averaged_expected } = state;
@@ -238,21 +242,21 @@ impl Learner {
         let depth = checkpoint.take_module(DEPTH, blank)?.train();
         let blank = LightNet::new(network, 0, &Device::flex()).map_err(|error| wrong(error.to_string()))?;
         let light = checkpoint.take_module(LIGHT, blank)?.train();
-        // Checkpoints of before it was trained hold none.
+        // Older checkpoints have no network of expected light.
         let mut expected = untrained_expected(0);
         if checkpoint.values_of(EXPECTED) > 0 {
             let adam = checkpoint.load_adam(&adam_name(EXPECTED))?;
             let net = checkpoint.take_module(EXPECTED, ExpectedLightNet::new(0, &Device::flex()))?.train();
-            expected = Trained { net, adam, ..expected };
+            expected = NetTrainer { net, adam, ..expected };
         }
         let discriminator = checkpoint.take_module(DISCRIMINATOR, PatchGan::new(0, &Device::flex()))?.train();
         let averages = Networks::from_checkpoint(checkpoint, &Device::flex())?;
         if let Some(average) = averages.expected {
-            expected = Trained { average, steps: *averaged_expected, ..expected };
+            expected = NetTrainer { average, steps: *averaged_expected, ..expected };
         }
         Ok(Self {
-            depth: Trained { net: depth, average: averages.depth, adam: depth_adam?, steps: *depth_steps },
-            light: Trained { net: light, average: averages.light, adam: light_adam?, steps: *light_steps },
+            depth: NetTrainer { net: depth, average: averages.depth, adam: depth_adam?, steps: *depth_steps },
+            light: NetTrainer { net: light, average: averages.light, adam: light_adam?, steps: *light_steps },
             expected,
             network: network.clone(),
             discriminator,
@@ -260,48 +264,57 @@ impl Learner {
         })
     }
 
-    /// Makes the light network one for octrees of another depth: the stages that both have keep their weights, what is new is drawn
-    /// from the seed, and the optimiser begins anew.
+    /// Converts the light network to another octree depth.
+    ///
+    /// Common stages keep their weights, new stages get random weights from `seed`, and the optimiser is reset.
     ///
     /// # Errors
-    /// A configuration out of range.
-    pub fn deepen(&mut self, config: &TrainConfig, octree_depth: u32, seed: u64) -> Result<(), LightConfigError> {
+    /// An invalid shape.
+    pub fn set_octree_depth(
+        &mut self,
+        config: &TrainConfig,
+        octree_depth: u32,
+        seed: u64,
+    ) -> Result<(), LightConfigError> {
         let network = config.network_of(octree_depth);
         if network == self.network {
             return Ok(());
         }
-        let make = |old: &LightNet, device: &Device| deepened(old, &self.network, &network, seed, device);
+        let make = |old: &LightNet, device: &Device| transfer_stages(old, &self.network, &network, seed, device);
         let (net, average) =
             (make(&self.light.net.valid(), &recording())?, make(&self.light.average, &Device::flex())?);
-        self.light = Trained { net, average, adam: Adam::default(), steps: 0 };
+        self.light = NetTrainer { net, average, adam: Adam::default(), steps: 0 };
         self.network = network;
         Ok(())
     }
 
-    /// Whether the depth network's encoder normalises by its running statistics also while it learns.
+    /// Sets whether the depth network's encoder normalises by its running statistics during training.
     pub fn freeze_statistics(&mut self, frozen: bool) {
         self.depth.net.encoder.freeze_statistics(frozen);
     }
 
-    /// Whether all weights are numbers.
-    pub fn check(&self) -> Result<(), Fault> {
+    /// Checks that all weights are finite.
+    ///
+    /// # Errors
+    /// [`StepError::Weights`].
+    pub fn check(&self) -> Result<(), StepError> {
         self.depth.check("depth_net")?;
         self.light.check("light_net")?;
         self.expected.check(EXPECTED_NET)
     }
 
-    /// A step of the depth network and its discriminator on photos of one size.
+    /// Takes one step of the depth network and its discriminator on photos of one size.
     pub fn depth_step(
         &mut self,
         examples: &[DepthExample],
         learning_rate: f64,
         phase: &DepthPhase,
         config: &TrainConfig,
-    ) -> Result<Progress, Fault> {
+    ) -> Result<Progress, StepError> {
         let share = |name: &str| if name.starts_with("encoder.") { phase.encoder_lr_ratio } else { 1.0 };
         let examples: Vec<_> = examples.iter().collect();
         let photos: Vec<_> = examples.iter().map(|example| &example.photo).collect();
-        let (total, judged, mut progress) = if phase.decoder_only {
+        let (total, discriminator_input, mut progress) = if phase.decoder_only {
             let (total, losses) = self.decoder_losses(self.depth.net.forward_detached(&photos), &examples, config);
             (total, None, Progress { losses, norms: Vec::new() })
         } else {
@@ -309,13 +322,13 @@ impl Learner {
         };
         let mut gradients = total.backward();
         let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, &share, config);
-        progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
+        progress.norms.push(("depth", norm.map_err(|error| with_losses(error, &progress))?));
         drop(gradients);
-        self.discriminator_step(judged, learning_rate * config.discriminator_lr_ratio, &mut progress)?;
+        self.discriminator_step(discriminator_input, learning_rate * config.discriminator_lr_ratio, &mut progress)?;
         Ok(progress)
     }
 
-    /// The weighted sum of the losses of depth and camera, and each.
+    /// Returns the weighted sum of the losses of depth and camera, and their values.
     fn decoder_losses(
         &self,
         output: DepthOutput,
@@ -341,19 +354,19 @@ impl Learner {
         (total, losses)
     }
 
-    /// The weighted sum of the depth network's losses, what the discriminator needs for its own step, and the losses.
+    /// Returns the weighted sum of the depth network's losses, the input of the discriminator's step, and the values.
     fn depth_losses(
         &self,
         output: DepthOutput,
         examples: &[&DepthExample],
         config: &TrainConfig,
-    ) -> (Tensor<1>, Option<Judged>, Progress) {
+    ) -> (Tensor<1>, Option<DiscriminatorInput>, Progress) {
         let weights = &config.depth_losses;
         let global = output.global.clone();
         let (mut total, mut losses) = self.decoder_losses(output, examples, config);
-        let made = self.depth.net.panorama.forward(global);
+        let generated = self.depth.net.panorama.forward(global);
         let truths: Vec<_> = examples.iter().map(|example| example.panorama.as_ref()).collect();
-        let [panorama, panorama_tone, panorama_irradiance] = panorama_loss(made.clone(), &truths);
+        let [panorama, panorama_tone, panorama_irradiance] = panorama_loss(generated.clone(), &truths);
         losses.extend([
             ("panorama", scalar(&panorama)),
             ("panorama_tone", scalar(&panorama_tone)),
@@ -363,7 +376,7 @@ impl Learner {
             + panorama * weights.panorama
             + panorama_tone * weights.panorama_tone
             + panorama_irradiance * weights.panorama_irradiance;
-        let mut judged = None;
+        let mut discriminator_input = None;
         let truths: Option<Vec<_>> = truths.into_iter().collect();
         if weights.adversarial > 0.0
             && let Some(truths) = truths
@@ -371,38 +384,39 @@ impl Learner {
             let shown: Vec<_> = examples.iter().map(|example| example.shown()).collect();
             let condition = channels::<4>(shown.iter().map(|shown| shown.pixels()));
             let real = channels::<3>(truths.iter().map(|truth| truth.pixels()));
-            let opinion = self.discriminator.generator_loss(made.clone(), condition.clone());
-            losses.push(("adversarial", scalar(&opinion)));
-            total = total + opinion * weights.adversarial;
-            judged = Some(Judged { real, made: made.detach(), condition });
+            let adversarial = self.discriminator.generator_loss(generated.clone(), condition.clone());
+            losses.push(("adversarial", scalar(&adversarial)));
+            total = total + adversarial * weights.adversarial;
+            discriminator_input = Some(DiscriminatorInput { real, generated: generated.detach(), condition });
         }
-        (total, judged, Progress { losses, norms: Vec::new() })
+        (total, discriminator_input, Progress { losses, norms: Vec::new() })
     }
 
+    /// Takes one step of the discriminator; does nothing without input.
     fn discriminator_step(
         &mut self,
-        judged: Option<Judged>,
+        input: Option<DiscriminatorInput>,
         learning_rate: f64,
         progress: &mut Progress,
-    ) -> Result<(), Fault> {
-        let Some(Judged { real, made, condition }) = judged else { return Ok(()) };
-        let loss = self.discriminator.discriminator_loss(real, made, condition);
+    ) -> Result<(), StepError> {
+        let Some(DiscriminatorInput { real, generated, condition }) = input else { return Ok(()) };
+        let loss = self.discriminator.discriminator_loss(real, generated, condition);
         progress.losses.push(("discriminator", scalar(&loss)));
         let gradients = loss.backward();
         gradient_norm(&self.discriminator, &gradients)
-            .map_err(|layer| Fault::Gradient { parameter: format!("discriminator.{layer}"), losses: Vec::new() })?;
+            .map_err(|layer| StepError::Gradient { parameter: format!("discriminator.{layer}"), losses: Vec::new() })?;
         self.discriminator = self.discriminator_adam.step(self.discriminator.clone(), &gradients, learning_rate);
         Ok(())
     }
 
-    /// A step of the network of expected light; `stream` draws what of it is left out.
+    /// Takes one step of the network of expected light; `stream` draws the dropout.
     pub fn expected_step(
         &mut self,
         examples: &[&ExpectedExample],
         stream: &mut Stream,
         learning_rate: f64,
         config: &TrainConfig,
-    ) -> Result<Progress, Fault> {
+    ) -> Result<Progress, StepError> {
         let examples: Vec<_> = examples.iter().map(|example| (&example.statistics, &example.truth)).collect();
         let losses = expected_losses(&self.expected.net, &examples, Some(stream));
         let named = [
@@ -415,25 +429,27 @@ impl Learner {
         let mut progress = Progress { losses: named, norms: Vec::new() };
         let mut gradients = losses.total().backward();
         let norm = self.expected.descend(EXPECTED_NET, &mut gradients, learning_rate, &|_| 1.0, config);
-        progress.norms.push(("expected", norm.map_err(|fault| with_losses(fault, &progress))?));
+        progress.norms.push(("expected", norm.map_err(|error| with_losses(error, &progress))?));
         Ok(progress)
     }
 
-    /// A step of the light network with a global lighting feature that is not trained.
+    /// Takes one step of the light network with a fixed global lighting feature.
+    ///
+    /// `predicted_growth` grows the octree by the network's own predictions instead of the truth.
     pub fn light_step(
         &mut self,
         example: &LightExample,
         global: Vec<f32>,
-        own: bool,
+        predicted_growth: bool,
         learning_rate: f64,
         config: &TrainConfig,
-    ) -> Result<Progress, Fault> {
+    ) -> Result<Progress, StepError> {
         let features = global.len();
         let global = Tensor::from_data(TensorData::new(global, [1, features]), &recording());
-        let (total, mut progress) = self.light_losses(example, global, own, config)?;
+        let (total, mut progress) = self.light_losses(example, global, predicted_growth, config)?;
         let mut gradients = total.backward();
         let norm = self.light.descend("light_net", &mut gradients, learning_rate, &|_| 1.0, config);
-        progress.norms.push(("light", norm.map_err(|fault| with_losses(fault, &progress))?));
+        progress.norms.push(("light", norm.map_err(|error| with_losses(error, &progress))?));
         Ok(progress)
     }
 
@@ -441,10 +457,10 @@ impl Learner {
         &self,
         example: &LightExample,
         global: Tensor<2>,
-        own: bool,
+        predicted_growth: bool,
         config: &TrainConfig,
-    ) -> Result<(Tensor<1>, Progress), Fault> {
-        let growth = if own { Growth::Predicted } else { Growth::Truth(&example.truth.octree) };
+    ) -> Result<(Tensor<1>, Progress), StepError> {
+        let growth = if predicted_growth { Growth::Predicted } else { Growth::Truth(&example.truth.octree) };
         let output = self.light.net.forward(&example.input, Some(global), growth)?;
         let settings = Settings::default();
         let losses = LightLosses::new(&output, &example.truth, &example.novel, &example.visible, settings)?;
@@ -464,34 +480,35 @@ impl Learner {
         Ok((total, Progress { losses, norms: Vec::new() }))
     }
 
-    /// A step of both networks on one photo, of which `output` is the depth network's.
+    /// Takes one step of both networks on one photo; `output` is the depth network's output for it.
     pub fn joint_step(
         &mut self,
         output: DepthOutput,
         depth_example: &DepthExample,
         light_example: &LightExample,
-        own: bool,
+        predicted_growth: bool,
         learning_rate: f64,
         config: &TrainConfig,
-    ) -> Result<Progress, Fault> {
-        let (light, lit) = self.light_losses(light_example, output.global.clone(), own, config)?;
-        let (depth, judged, mut progress) = self.depth_losses(output, &[depth_example], config);
-        progress.losses.extend(lit.losses);
+    ) -> Result<Progress, StepError> {
+        let (light, light_progress) =
+            self.light_losses(light_example, output.global.clone(), predicted_growth, config)?;
+        let (depth, discriminator_input, mut progress) = self.depth_losses(output, &[depth_example], config);
+        progress.losses.extend(light_progress.losses);
         let mut gradients = (light + depth).backward();
         let norm = self.light.descend("light_net", &mut gradients, learning_rate, &|_| 1.0, config);
-        progress.norms.push(("light", norm.map_err(|fault| with_losses(fault, &progress))?));
+        progress.norms.push(("light", norm.map_err(|error| with_losses(error, &progress))?));
         let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, &|_| 1.0, config);
-        progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
+        progress.norms.push(("depth", norm.map_err(|error| with_losses(error, &progress))?));
         drop(gradients);
-        self.discriminator_step(judged, learning_rate * config.discriminator_lr_ratio, &mut progress)?;
+        self.discriminator_step(discriminator_input, learning_rate * config.discriminator_lr_ratio, &mut progress)?;
         Ok(progress)
     }
 }
 
-/// Panoramas for the discriminator.
-struct Judged {
+/// Panoramas for the discriminator, as of [`channels`].
+struct DiscriminatorInput {
     real: Tensor<4>,
-    made: Tensor<4>,
+    generated: Tensor<4>,
     condition: Tensor<4>,
 }
 
@@ -499,18 +516,18 @@ fn adam_name(name: &str) -> String {
     format!("adam.{name}")
 }
 
-/// Panoramas as `[C, panoramas, height, width]`.
+/// Converts panoramas to a tensor `[C, panoramas, height, width]`.
 fn channels<'a, const C: usize>(panoramas: impl ExactSizeIterator<Item = &'a [[f32; C]]> + Clone) -> Tensor<4> {
     let size = [C, panoramas.len(), PANORAMA.1, PANORAMA.0];
     let channel = |c: usize| panoramas.clone().flatten().map(move |pixel| pixel[c]);
     Tensor::from_data(TensorData::new((0..C).flat_map(channel).collect::<Vec<f32>>(), size), &recording())
 }
 
-/// Names the losses that are no numbers too.
-fn with_losses(fault: Fault, progress: &Progress) -> Fault {
+/// Adds the names of the non-finite losses to a gradient error.
+fn with_losses(error: StepError, progress: &Progress) -> StepError {
     let bad = progress.losses.iter().filter(|(_, value)| !value.is_finite()).map(|(name, _)| *name);
-    match fault {
-        Fault::Gradient { parameter, .. } => Fault::Gradient { parameter, losses: bad.collect() },
+    match error {
+        StepError::Gradient { parameter, .. } => StepError::Gradient { parameter, losses: bad.collect() },
         other => other,
     }
 }

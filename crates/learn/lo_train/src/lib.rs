@@ -1,29 +1,32 @@
-//! Training of the networks (`docs/method.md` §7): the depth network, then the light network, then both, from one configuration.
+//! Training of the networks (`docs/method.md` §7): depth network, light network, both jointly, and expected light.
 //!
-//! [`train`] runs all phases of a [`TrainConfig`] in a folder of its own and says on its way what happens (`lo_events`). What the light network is given comes from
-//! [`lo_estimate::SeenFrame`], as in estimation.
+//! [`train`] runs all phases of a [`TrainConfig`] in one folder and reports progress through `lo_events`. The light
+//! network's inputs come from [`lo_estimate::SeenFrame`], as in estimation.
 
 mod augmentation;
+mod batcher;
 mod config;
-mod deepen;
 mod encoder_weights;
 mod error;
 mod example;
-mod feed;
 mod learner;
 mod log;
+mod net_trainer;
+mod oversampled;
 #[doc(hidden)]
 pub mod peer_cases;
 mod phases;
+mod prefetch;
 mod prepare;
 mod rays;
-mod repeated;
 mod report;
+mod request;
 mod run;
 mod sheet;
+mod sources;
 mod state;
 mod style;
-mod trained;
+mod transfer;
 mod validation;
 pub mod weight_files;
 mod weights;
@@ -31,9 +34,10 @@ mod weights;
 pub use augmentation::AugmentationConfig;
 pub use config::{DataConfig, FramesData, PanoramaData, TrainConfig, ValidationConfig};
 pub use encoder_weights::{EncoderOrigin, published, read_encoder};
-pub use error::{ConfigError, Fault, TrainError};
+pub use error::{ConfigError, StepError, TrainError};
 pub use phases::{DepthPhase, LightPhase, Schedule};
-pub use rays::{drawn_panorama_rays, panorama_rays};
+pub use rays::{panorama_rays, sample_panorama_rays};
 pub use report::{LightReport, ValidationReport};
-pub use run::{CHECKPOINT_FILE, LOG_FILE, Request, SHEET_FILE, Start, WEIGHTS_FILE, train};
+pub use request::{CHECKPOINT_FILE, InitialWeights, LOG_FILE, SHEET_FILE, TrainRequest, WEIGHTS_FILE};
+pub use run::train;
 pub use style::StyleConfig;

@@ -11,22 +11,22 @@ use serde_json::{Value, json};
 
 use crate::learner::Progress;
 
-/// Appends lines; one that is being resumed first forgets what was written after its checkpoint.
+/// Appends lines to the log. A resumed log is first truncated to its length at the checkpoint.
 pub(crate) struct Log {
     file: File,
     bytes: u64,
-    mean: Mean,
+    mean: RunningMeans,
 }
 
-/// Sums since the last line.
-struct Mean {
+/// Sums of the losses and gradient norms since the last line.
+struct RunningMeans {
     sums: BTreeMap<&'static str, (f64, u64)>,
     order: Vec<&'static str>,
     steps: u64,
     begun: Instant,
 }
 
-impl Mean {
+impl RunningMeans {
     fn new() -> Self {
         Self { sums: BTreeMap::new(), order: Vec::new(), steps: 0, begun: Instant::now() }
     }
@@ -39,22 +39,22 @@ impl Mean {
         *sum = (sum.0 + f64::from(value), sum.1 + 1);
     }
 
-    fn of(&self, name: &str) -> f32 {
+    fn get(&self, name: &str) -> f32 {
         self.sums.get(name).map_or(f32::NAN, |(sum, count)| (sum / *count as f64) as f32)
     }
 }
 
 impl Log {
-    /// Opens the log, cut to its first `bytes`.
+    /// Opens the log, truncated to its first `bytes`.
     pub fn open(path: &Path, bytes: u64) -> std::io::Result<Self> {
         let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
         let bytes = bytes.min(file.metadata()?.len());
         file.set_len(bytes)?;
         file.seek(SeekFrom::End(0))?;
-        Ok(Self { file, bytes, mean: Mean::new() })
+        Ok(Self { file, bytes, mean: RunningMeans::new() })
     }
 
-    /// Length of the log.
+    /// Returns the length of the log in bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -67,23 +67,23 @@ impl Log {
         Ok(())
     }
 
-    /// Takes note of a step.
+    /// Adds the losses and norms of a step to the means.
     pub fn add(&mut self, progress: &Progress) {
         progress.losses.iter().chain(&progress.norms).for_each(|&(name, value)| self.mean.add(name, value));
         self.mean.steps += 1;
     }
 
-    /// Means of the losses since the last line.
+    /// Returns the mean losses since the last line.
     pub fn losses(&self, progress: &Progress) -> Vec<Figure> {
-        progress.losses.iter().map(|&(name, _)| Figure { name, value: self.mean.of(name).into() }).collect()
+        progress.losses.iter().map(|&(name, _)| Figure { name, value: self.mean.get(name).into() }).collect()
     }
 
-    /// Forgets the sums, as after a setback.
+    /// Resets the means, as after a rollback.
     pub fn restart(&mut self) {
-        self.mean = Mean::new();
+        self.mean = RunningMeans::new();
     }
 
-    /// Writes the means since the last line.
+    /// Writes a line of the means since the last one, and resets them.
     pub fn means(
         &mut self,
         phase: TrainingPhase,
@@ -92,10 +92,10 @@ impl Log {
         learning_rate: f64,
         waited: Duration,
     ) -> std::io::Result<()> {
-        let mean = std::mem::replace(&mut self.mean, Mean::new());
+        let mean = std::mem::replace(&mut self.mean, RunningMeans::new());
         let (seconds, steps) = (mean.begun.elapsed().as_secs_f64(), mean.steps.max(1) as f64);
         let values: serde_json::Map<String, Value> =
-            mean.order.iter().map(|&name| (name.to_owned(), json!(mean.of(name)))).collect();
+            mean.order.iter().map(|&name| (name.to_owned(), json!(mean.get(name)))).collect();
         let rounded = |value: f64| (value * 1e4).round() / 1e4;
         self.line(&json!({
             "phase": phase.to_string(),

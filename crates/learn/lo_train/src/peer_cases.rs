@@ -1,4 +1,5 @@
-//! The work of the peers' kit that is done on tensors: graphs, graph convolutions, the U-Net on them and DenseNet-121, with the kit's sizes.
+//! Tensor benchmarks of the peers' kit: dual graphs, graph convolutions, graph U-Net and DenseNet-121, at the kit's
+//! sizes.
 
 use std::hint::black_box;
 
@@ -13,21 +14,21 @@ use lo_nets::graph::GraphLevel;
 use lo_nets::light::{FreeSpace, Growth, LightInput, LightNet, LightNetConfig, LightOutput, NODE_FEATURES};
 use lo_octree::{LightOctree, Octree, OctreeError, RadiancePoint};
 
-/// Full depth of all octrees.
+/// Full depth of the octrees.
 const FULL_DEPTH: u32 = 4;
 
-/// As the kit's Adam has it.
+/// Learning rate of the kit's Adam.
 const LEARNING_RATE: f64 = 1e-4;
 
-/// What is timed, and how many nodes it works on where there are any.
+/// A function to time, with its number of graph nodes.
 pub struct Work {
-    /// One repetition.
+    /// Runs one repetition.
     pub run: Box<dyn FnMut()>,
-    /// Nodes of the finest graph.
+    /// Nodes of the finest graph; `None` without graphs.
     pub nodes: Option<usize>,
 }
 
-/// The dual graphs of all depths of an octree.
+/// Builds the dual graphs of all depths of an octree.
 pub fn graph_build(octree: Octree) -> Work {
     let nodes = DualGraph::all(&octree).last().map(DualGraph::len);
     let run = move || {
@@ -36,10 +37,12 @@ pub fn graph_build(octree: Octree) -> Work {
     Work { run: Box::new(run), nodes }
 }
 
-/// A graph convolution, `channels` to `channels`, on the graph of `depth`; `backward` to input and weights too.
+/// Runs a graph convolution, `channels` to `channels`, on the graph of `depth`.
+///
+/// `backward` includes the gradients of input and weights.
 ///
 /// # Panics
-/// For a depth that the octree has not.
+/// If the octree has no such depth.
 pub fn graph_convolution(octree: &Octree, depth: u32, channels: usize, backward: bool) -> Work {
     let graph = DualGraph::all(octree).swap_remove((depth - octree.full_depth()) as usize);
     let x: Vec<f32> = (0..graph.len() * channels).map(|i| (i as f32 * 0.7).sin()).collect();
@@ -55,11 +58,13 @@ pub fn graph_convolution(octree: &Octree, depth: u32, channels: usize, backward:
     Work { run: Box::new(run), nodes }
 }
 
-/// The light network with the kit's norm, grown along the octree of a cloud; `train`: a loss of all outputs, backward and Adam. Other than in the
-/// kit, graphs are built anew each time.
+/// Runs the light network with the kit's norm on the octree of a point cloud.
+///
+/// `train` includes a loss of all outputs, the backward pass and a step of Adam. Unlike in the kit, graphs are rebuilt
+/// in each repetition.
 ///
 /// # Errors
-/// Of the octree.
+/// Point clouds without a valid octree.
 pub fn graph_unet(points: &[RadiancePoint], cube: Cube, depth: u32, train: bool) -> Result<Work, OctreeError> {
     let config = LightNetConfig { depth, full_depth: FULL_DEPTH, channels_per_group: 1, ..LightNetConfig::default() };
     let (visible, _) = LightOctree::from_points(points, cube, depth, FULL_DEPTH)?;
@@ -89,7 +94,9 @@ pub fn graph_unet(points: &[RadiancePoint], cube: Cube, depth: u32, train: bool)
     Ok(Work { run, nodes: Some(nodes) })
 }
 
-/// DenseNet-121's features at 480 × 320; `train`: the mean of their squares, backward and Adam.
+/// Runs DenseNet-121 at 480 × 320.
+///
+/// `train` includes the mean square of the features as loss, the backward pass and a step of Adam.
 pub fn densenet(train: bool) -> Work {
     let device = if train { Device::flex().autodiff() } else { Device::flex() };
     let net = DenseNet::new(&mut lo_random::stream(1, "bench", 0), &device);
@@ -107,7 +114,7 @@ pub fn densenet(train: bool) -> Work {
     Work { run, nodes: None }
 }
 
-/// Something that needs all outputs.
+/// A loss that depends on all outputs.
 fn plain_loss(output: &LightOutput) -> Tensor<1> {
     let parts = output.levels.iter().map(|level| {
         let signal = level.light.clone() - 0.5;
@@ -116,7 +123,7 @@ fn plain_loss(output: &LightOutput) -> Tensor<1> {
     parts.reduce(|a, b| a + b).expect("levels")
 }
 
-/// A step of Adam on each call.
+/// Returns a function that takes one step of Adam per call.
 fn stepping<M: Module + Send + Sync + 'static>(
     net: M,
     loss: impl Fn(&M) -> Tensor<1> + Send + Sync + 'static,
@@ -158,7 +165,7 @@ mod tests {
         ];
         for (work, nodes) in &mut works {
             assert_eq!(work.nodes, Some(*nodes));
-            // Twice: a step needs what the one before left.
+            // Twice: the second step uses the state of the first.
             (work.run)();
             (work.run)();
         }

@@ -1,4 +1,4 @@
-//! The phases of a run: how long, how fast, on what.
+//! Phases of a run: their steps, learning rates and examples.
 
 use crate::augmentation::AugmentationConfig;
 use crate::config::PanoramaData;
@@ -9,18 +9,18 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// Steps and learning rate of a phase.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Schedule {
-    /// Steps.
+    /// Number of steps.
     pub steps: u64,
-    /// Greatest learning rate.
+    /// Peak learning rate.
     pub learning_rate: f64,
-    /// Steps in which the learning rate rises to it.
+    /// Steps of linear warm-up to the peak.
     pub warm_up_steps: u64,
-    /// Share of the learning rate that is left at the end, after a half cosine.
+    /// Final learning rate as a share of the peak, reached by cosine decay.
     pub final_share: f64,
 }
 
 impl Schedule {
-    /// Learning rate of a step: a line up to the greatest, then half a cosine down to its final share.
+    /// Returns the learning rate of a step: linear warm-up, then cosine decay.
     pub fn learning_rate_at(&self, step: u64) -> f64 {
         let (greatest, warm_up, share) = (self.learning_rate, self.warm_up_steps, self.final_share);
         if step < warm_up {
@@ -32,26 +32,27 @@ impl Schedule {
     }
 }
 
-/// A part of stage 1. In a file its schedule stands beside the other fields.
+/// A phase of stage 1, the depth network. In TOML, the fields of the schedule are inline.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DepthPhase {
     /// Steps and learning rate.
     #[serde(flatten)]
     pub schedule: Schedule,
-    /// Photos a step, all of one size. More than one are faster than as many steps, and normalised together.
+    /// Photos per step, all of one size. They are batch-normalised together.
     pub batch_size: usize,
-    /// Width of the photos in pixels, of upright ones the height; smaller ones are faster.
+    /// Longer side of the photos in pixels. Smaller photos train faster.
     pub photo_width: usize,
-    /// Normalise by the running statistics, as in use, instead of those of the photos at hand.
+    /// Whether to normalise by the running statistics, as in inference, instead of the batch's.
     pub frozen_statistics: bool,
-    /// Learning rate of the encoder as a share of the others': what real pictures taught it is forgotten the more slowly.
+    /// Learning rate of the encoder as a share of the other layers'. A low share preserves pretrained features.
     pub encoder_lr_ratio: f32,
-    /// Trains what tells depth and camera alone. Encoder, `f_L` and single map stay as they are, and with them a light network that was trained on them.
+    /// Whether to train only the depth and camera decoders. Encoder, `f_L` and single map stay fixed, so that an
+    /// existing light network remains valid.
     pub decoder_only: bool,
 }
 
-/// A part of stage 2 or 3; each step is of one photo. In a file its schedule stands beside the other fields.
+/// A phase of stage 2 or 3, with one photo per step. In TOML, the fields of the schedule are inline.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LightPhase {
@@ -60,38 +61,38 @@ pub struct LightPhase {
     pub schedule: Schedule,
     /// Depth of the octree.
     pub octree_depth: u32,
-    /// Share of the steps whose octree grows by the network's own predictions, at the beginning and at the end.
+    /// Share of steps whose octree grows by the network's own predictions, at the first and the last step.
     pub scheduled_sampling: [f32; 2],
-    /// Share of the samples whose depth the depth network predicts. In stage 2 that stays as it is.
+    /// Share of samples with depth predicted by the depth network, which is fixed in stage 2.
     pub predicted_share: f32,
-    /// Share of the others that come with a sensor's depth instead of the true one.
+    /// Share of the other samples with sensor depth instead of true depth.
     pub sensor_share: f32,
-    /// Rays of novel views a step.
+    /// Rays of novel views per step.
     pub novel_rays: usize,
-    /// Rays of the photo a step.
+    /// Rays of the photo per step.
     pub visible_rays: usize,
 }
 
-/// The training of expected light. In a file its schedule stands beside the other fields.
+/// A phase of stage 4, expected light. In TOML, the fields of the schedule are inline.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExpectedPhase {
     /// Steps and learning rate.
     #[serde(flatten)]
     pub schedule: Schedule,
-    /// Photos a step.
+    /// Photos per step.
     pub batch_size: usize,
-    /// Photos that the steps are drawn from. They are made once, with the depth network's depth.
+    /// Photos in the pool that batches are drawn from. They are prepared once, with depth from the depth network.
     pub photos: usize,
-    /// Panoramas that they are cut out of; where there are none, those of the run, or all of its data.
+    /// Panoramas to crop the photos from. If empty: those of `[data]`, or else all of its data.
     pub panoramas: Vec<PanoramaData>,
     /// Augmentation of these photos.
     pub augmentation: AugmentationConfig,
 }
 
 impl ExpectedPhase {
-    /// Defaults; focal lengths are not varied.
-    pub fn usual() -> Self {
+    /// Returns the default fields; focal lengths are not augmented.
+    pub fn defaults() -> Self {
         Self {
             schedule: Schedule { steps: 1_200, learning_rate: 2e-3, warm_up_steps: 20, final_share: 0.02 },
             batch_size: 64,
@@ -103,8 +104,8 @@ impl ExpectedPhase {
 }
 
 impl DepthPhase {
-    /// What a file need not say.
-    pub const USUAL: Self = Self {
+    /// Default fields.
+    pub const DEFAULT: Self = Self {
         schedule: Schedule { steps: 6_000, learning_rate: 1e-3, warm_up_steps: 200, final_share: 0.05 },
         batch_size: 16,
         photo_width: 240,
@@ -115,8 +116,8 @@ impl DepthPhase {
 }
 
 impl LightPhase {
-    /// What a file need not say of stage 2.
-    pub const USUAL: Self = Self {
+    /// Default fields of stage 2.
+    pub const DEFAULT: Self = Self {
         schedule: Schedule { steps: 6_000, learning_rate: 7e-4, warm_up_steps: 200, final_share: 0.05 },
         octree_depth: 7,
         scheduled_sampling: [0.0, 0.0],
@@ -126,24 +127,26 @@ impl LightPhase {
         visible_rays: 2048,
     };
 
-    /// What a file need not say of stage 3.
-    pub const USUAL_JOINT: Self = Self {
-        schedule: Schedule { steps: 4_000, learning_rate: 1e-4, ..Self::USUAL.schedule },
+    /// Default fields of stage 3.
+    pub const DEFAULT_JOINT: Self = Self {
+        schedule: Schedule { steps: 4_000, learning_rate: 1e-4, ..Self::DEFAULT.schedule },
         scheduled_sampling: [0.5, 1.0],
         predicted_share: 0.5,
-        ..Self::USUAL
+        ..Self::DEFAULT
     };
 }
 
-/// Names that fields had, and those that they have.
+/// Former and present names of fields.
 const RENAMED: [(&str, &str); 2] = [("rate", "learning_rate"), ("own_growth", "scheduled_sampling")];
 
-/// Phases of which each table names what differs from `usual`. (`serde(default)` cannot be told which defaults, nor be combined with `flatten`.)
-fn differing<'de, D: Deserializer<'de>, P: Serialize + DeserializeOwned>(
+/// Deserialises phases; fields that a table omits come from `defaults`.
+///
+/// (`serde(default)` takes no value of ours, and cannot be combined with `flatten`.)
+fn with_defaults<'de, D: Deserializer<'de>, P: Serialize + DeserializeOwned>(
     deserializer: D,
-    usual: &P,
+    defaults: &P,
 ) -> Result<Vec<P>, D::Error> {
-    let usual = toml::Table::try_from(usual).map_err(D::Error::custom)?;
+    let defaults = toml::Table::try_from(defaults).map_err(D::Error::custom)?;
     let tables = Vec::<toml::Table>::deserialize(deserializer)?;
     let phases = tables.into_iter().map(|mut table| {
         for (old, new) in RENAMED {
@@ -153,11 +156,11 @@ fn differing<'de, D: Deserializer<'de>, P: Serialize + DeserializeOwned>(
                 return Err(D::Error::duplicate_field(new));
             }
         }
-        if let Some(field) = table.keys().find(|field| !usual.contains_key(*field)) {
-            let known: Vec<String> = usual.keys().map(|field| format!("`{field}`")).collect();
+        if let Some(field) = table.keys().find(|field| !defaults.contains_key(*field)) {
+            let known: Vec<String> = defaults.keys().map(|field| format!("`{field}`")).collect();
             return Err(D::Error::custom(format!("unknown field `{field}`, expected one of {}", known.join(", "))));
         }
-        let mut phase = usual.clone();
+        let mut phase = defaults.clone();
         phase.extend(table);
         phase.try_into().map_err(|error: toml::de::Error| D::Error::custom(error.message()))
     });
@@ -165,22 +168,22 @@ fn differing<'de, D: Deserializer<'de>, P: Serialize + DeserializeOwned>(
 }
 
 pub(crate) fn depth_phases<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<DepthPhase>, D::Error> {
-    differing(deserializer, &DepthPhase::USUAL)
+    with_defaults(deserializer, &DepthPhase::DEFAULT)
 }
 
 pub(crate) fn light_phases<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LightPhase>, D::Error> {
-    differing(deserializer, &LightPhase::USUAL)
+    with_defaults(deserializer, &LightPhase::DEFAULT)
 }
 
 pub(crate) fn joint_phases<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LightPhase>, D::Error> {
-    differing(deserializer, &LightPhase::USUAL_JOINT)
+    with_defaults(deserializer, &LightPhase::DEFAULT_JOINT)
 }
 
 pub(crate) fn expected_phases<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<ExpectedPhase>, D::Error> {
-    differing(deserializer, &ExpectedPhase::usual())
+    with_defaults(deserializer, &ExpectedPhase::defaults())
 }
 
-/// A part of a run, of whichever stage.
+/// A phase of any stage.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Phase {
     Depth(DepthPhase),
@@ -190,7 +193,7 @@ pub(crate) enum Phase {
 }
 
 impl Phase {
-    /// `phases` of one stage with their places among each other.
+    /// Numbers the phases of one stage.
     pub fn numbered(
         networks: TrainedNetworks,
         phases: impl ExactSizeIterator<Item = Self>,
@@ -211,7 +214,7 @@ impl Phase {
         self.schedule().steps
     }
 
-    /// Samples of a step.
+    /// Returns the number of samples per step.
     pub fn batch_size(&self) -> usize {
         match self {
             Self::Depth(phase) => phase.batch_size,
@@ -220,7 +223,7 @@ impl Phase {
         }
     }
 
-    /// Depth of the octree, where there is one.
+    /// Returns the depth of the octree; `None` for phases without one.
     pub fn octree_depth(&self) -> Option<u32> {
         match self {
             Self::Depth(_) | Self::Expected(_) => None,
@@ -229,8 +232,8 @@ impl Phase {
     }
 }
 
-/// A share that goes from one value to another over a phase.
-pub(crate) fn between(ends: [f32; 2], step: u64, steps: u64) -> f32 {
+/// Interpolates a share linearly over the steps of a phase.
+pub(crate) fn interpolated_share(ends: [f32; 2], step: u64, steps: u64) -> f32 {
     ends[0] + (ends[1] - ends[0]) * (step as f32 / steps.max(1) as f32)
 }
 
@@ -248,7 +251,7 @@ mod tests {
         close(0, 1e-4);
         close(9, 1e-3);
         close(10, 1e-3);
-        // Half of the cosine is the middle between 1 and the final share.
+        // Half-way, the cosine gives the mean of 1 and the final share.
         close(60, 0.6e-3);
         close(110, 0.2e-3);
     }

@@ -1,4 +1,4 @@
-//! How each stage makes its examples, ahead of its steps.
+//! Functions that prepare the examples of each stage on the background thread.
 
 use std::collections::HashMap;
 
@@ -8,39 +8,39 @@ use lo_nets::depth::panorama_image;
 use lo_random::RngExt;
 
 use crate::augmentation::{AugmentationConfig, Variation};
-use crate::example::{DepthExample, ExpectedExample, KnownDepth, LightExample, RayCounts, Unusable};
+use crate::example::{DepthExample, DepthSource, ExpectedExample, LightExample, RayCounts, UnusableSample};
 use crate::learner::Learner;
 use crate::phases::{DepthPhase, LightPhase};
 
-/// For stage 1.
+/// Prepares examples of stage 1.
 pub(crate) fn depth_examples(
     phase: &DepthPhase,
     augmentation: &AugmentationConfig,
     seed: u64,
-) -> impl FnMut(&Sample, u64) -> Result<DepthExample, Unusable> + Send + use<> {
+) -> impl FnMut(&Sample, u64) -> Result<DepthExample, UnusableSample> + Send + use<> {
     let (width, augmentation) = (phase.photo_width, augmentation.clone());
     move |sample, epoch| {
-        let (variation, variant) = augmentation.of(seed, sample, epoch);
+        let (variation, variant) = augmentation.variation(seed, sample, epoch);
         let example = DepthExample::new(sample, &variation, width)?;
         let mut stream = Variation::stream(seed, "style", sample, variant);
         Ok(DepthExample { photo: augmentation.style.apply(&example.photo, &mut stream), ..example })
     }
 }
 
-/// For stage 2: the light network's example, and the global lighting feature of the depth network as it is now.
+/// Prepares examples of stage 2: the light network's example with the depth network's global lighting feature.
 pub(crate) fn light_examples(
     phase: &LightPhase,
     augmentation: &AugmentationConfig,
     learner: &Learner,
     seed: u64,
-) -> impl FnMut(&Sample, u64) -> Result<(LightExample, Vec<f32>), Unusable> + Send + use<> {
+) -> impl FnMut(&Sample, u64) -> Result<(LightExample, Vec<f32>), UnusableSample> + Send + use<> {
     let (network, phase, augmentation) = (learner.network.clone(), phase.clone(), augmentation.clone());
     let rays = RayCounts { novel: phase.novel_rays, visible: phase.visible_rays };
-    // The depth network does not change in this stage.
+    // The depth network is fixed in this stage.
     let depth_net = learner.depth.average.clone();
     let mut features = HashMap::<(u64, u64), Vec<f32>>::new();
     move |sample, epoch| {
-        let (variation, variant) = augmentation.of(seed, sample, epoch);
+        let (variation, variant) = augmentation.variation(seed, sample, epoch);
         let mut stream = Variation::stream(seed, "light example", sample, epoch);
         let shares = [phase.predicted_share, phase.sensor_share];
         let [predicted, sensor] = shares.map(|share| stream.random::<f32>() < share);
@@ -48,9 +48,9 @@ pub(crate) fn light_examples(
         let output = predicted.then(|| depth_net.forward(&[&photo()]));
         let predicted_m = output.as_ref().map(|output| output.depth_m(&variation.camera(&sample.camera)));
         let depth = match &predicted_m {
-            Some(predicted_m) => KnownDepth::Predicted(predicted_m),
-            None if sensor => KnownDepth::Sensor,
-            None => KnownDepth::True,
+            Some(predicted_m) => DepthSource::Predicted(predicted_m),
+            None if sensor => DepthSource::Sensor,
+            None => DepthSource::True,
         };
         let mut example = LightExample::new(sample, &variation, depth, &network, rays, &mut stream)?;
         let values = |global: Tensor<2>| global.into_data().iter().collect::<Vec<f32>>();
@@ -67,34 +67,34 @@ pub(crate) fn light_examples(
     }
 }
 
-/// For the network of expected light.
+/// Prepares examples of the network of expected light.
 pub(crate) fn expected_examples(
     augmentation: &AugmentationConfig,
     learner: &Learner,
     seed: u64,
-) -> impl FnMut(&Sample, u64) -> Result<ExpectedExample, Unusable> + Send + use<> {
+) -> impl FnMut(&Sample, u64) -> Result<ExpectedExample, UnusableSample> + Send + use<> {
     let (augmentation, depth_net) = (augmentation.clone(), learner.depth.average.clone());
-    move |sample, epoch| ExpectedExample::new(sample, &augmentation.of(seed, sample, epoch).0, &depth_net)
+    move |sample, epoch| ExpectedExample::new(sample, &augmentation.variation(seed, sample, epoch).0, &depth_net)
 }
 
-/// For stage 3.
+/// Prepares examples of stage 3.
 pub(crate) fn joint_examples(
     phase: &LightPhase,
     augmentation: &AugmentationConfig,
     learner: &Learner,
     seed: u64,
-) -> impl FnMut(&Sample, u64) -> Result<JointExample, Unusable> + Send + use<> {
+) -> impl FnMut(&Sample, u64) -> Result<JointExample, UnusableSample> + Send + use<> {
     let (network, phase, augmentation) = (learner.network.clone(), phase.clone(), augmentation.clone());
     let longer_side = learner.depth.net.longer_side();
     move |sample, epoch| {
-        let variation = augmentation.of(seed, sample, epoch).0;
+        let variation = augmentation.variation(seed, sample, epoch).0;
         let depth = DepthExample::new(sample, &variation, longer_side)?;
         let mut stream = Variation::stream(seed, "light example", sample, epoch);
         let (predicted, sensor) = (stream.random::<f32>(), stream.random::<f32>());
         let light = if predicted < phase.predicted_share {
             None
         } else {
-            let known = if sensor < phase.sensor_share { KnownDepth::Sensor } else { KnownDepth::True };
+            let known = if sensor < phase.sensor_share { DepthSource::Sensor } else { DepthSource::True };
             let rays = RayCounts { novel: phase.novel_rays, visible: phase.visible_rays };
             Some(LightExample::new(sample, &variation, known, &network, rays, &mut stream)?)
         };
@@ -103,12 +103,12 @@ pub(crate) fn joint_examples(
     }
 }
 
-/// A sample whose light example has to wait for the depth network.
+/// An example of stage 3. With predicted depth, its light example is made in the training step.
 pub(crate) struct JointExample {
     pub sample: Sample,
     pub variation: Variation,
     pub epoch: u64,
     pub depth: DepthExample,
-    /// Where depth is known already.
+    /// `None` if depth is to be predicted.
     pub light: Option<LightExample>,
 }

@@ -3,8 +3,8 @@ use lo_dataset::NovelView;
 use lo_nets::light::Rays;
 use lo_random::{RngExt, Stream};
 
-/// `count` pixels of panoramas: each panorama is as likely as the others, every solid angle of it too.
-pub fn drawn_panorama_rays(views: &[NovelView], count: usize, stream: &mut Stream) -> Rays {
+/// Draws `count` rays of panorama pixels, uniformly over the panoramas and over solid angle.
+pub fn sample_panorama_rays(views: &[NovelView], count: usize, stream: &mut Stream) -> Rays {
     if views.is_empty() {
         return Rays::from_iter([]);
     }
@@ -17,7 +17,7 @@ pub fn drawn_panorama_rays(views: &[NovelView], count: usize, stream: &mut Strea
     }))
 }
 
-/// Every pixel of a panorama, row by row.
+/// Returns the rays of all pixels of a panorama, row by row.
 pub fn panorama_rays(view: &NovelView) -> Rays {
     let (width, height) = (view.radiance.width(), view.radiance.height());
     Rays::from_iter((0..height).flat_map(|y| (0..width).map(move |x| panorama_ray(view, x, y))))
@@ -48,7 +48,7 @@ mod tests {
             radiance: Image::from_fn(64, 32, |x, y| [x as f32, y as f32, 1.0]),
             depth_m: None,
         };
-        let rays = drawn_panorama_rays(std::slice::from_ref(&view), 20_000, &mut lo_random::stream(1, "test", 0));
+        let rays = sample_panorama_rays(std::slice::from_ref(&view), 20_000, &mut lo_random::stream(1, "test", 0));
         let mean = rays.cones.iter().map(|cone| cone.direction).sum::<Vec3>() / rays.len() as f32;
         assert!(mean.length() < 0.02, "{mean}");
         let up = rays.cones.iter().filter(|cone| cone.direction.y > 0.5).count();

@@ -1,58 +1,60 @@
 use lo_events::Figure;
 use serde::Serialize;
 
-/// Means over held-out scenes, of estimates as they are used. PSNR: [`lo_metrics::panorama_psnr_db`] of panoramas from novel places, mean over the
-/// photo's panoramas. What does not apply is missing.
+/// Figures on held-out scenes, from full estimates. Figures that do not apply are missing.
+///
+/// PSNR is the mean of [`lo_metrics::panorama_psnr_db`] over the panoramas of a photo, taken at novel positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ValidationReport {
-    /// Photos, each of another scene.
+    /// Number of photos, each of a different scene.
     pub photos: usize,
     /// Mean of |predicted − true| / true depth.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_abs_rel: Option<f32>,
-    /// Share of the pixels whose predicted depth is within a factor of 1.25.
+    /// Share of pixels with predicted depth within a factor of 1.25 of the truth.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_delta1: Option<f32>,
-    /// Median angle between the up that the photo tells and the true one, degrees.
+    /// Median angle between predicted and true up, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up_error_deg: Option<f32>,
-    /// Median difference of the field of view along the longer side that the photo tells from the true one, degrees.
+    /// Median absolute error of the predicted field of view along the longer side, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fov_error_deg: Option<f32>,
-    /// PSNR of the global lighting decoder's panorama at the camera.
+    /// PSNR of the single map at the camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub global_psnr_db: Option<f32>,
-    /// PSNR with true depth as measured depth.
+    /// PSNR with true depth as input.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub psnr_db: Option<f32>,
     /// PSNR from the photo alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub photo_alone_psnr_db: Option<f32>,
-    /// PSNR of the true octree, as deep as the estimate's and in the same cube: the bound.
+    /// PSNR of the true octree of the estimate's depth and cube: the upper bound.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub true_octree_psnr_db: Option<f32>,
-    /// PSNR of the completion `shell` with true depth: what has to be beaten.
+    /// PSNR of the completion `shell` with true depth: the baseline.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shell_psnr_db: Option<f32>,
-    /// Share of the nodes that are rightly taken for occupied or empty, along the true octree.
+    /// Share of nodes of the true octree that are classified correctly as occupied or empty.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split_accuracy: Option<f32>,
-    /// Light on objects under the panoramas from the photo alone.
+    /// Light on objects under the panoramas estimated from the photo alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub light_on_objects: Option<LightReport>,
-    /// Light on objects under the global lighting decoder's panorama at the camera.
+    /// Light on objects under the single map at the camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub global_light_on_objects: Option<LightReport>,
 }
 
-/// Figures of [`lo_metrics::LightOnObjects`], of each photo the mean over its panoramas: medians over photos, means
-/// over photos of those of the unseen part.
+/// Figures of [`lo_metrics::LightOnObjects`], averaged over the panoramas of each photo.
+///
+/// Figures of the unseen part are means over photos, all others medians.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct LightReport {
-    /// Largest over smallest irradiance, in stops.
+    /// Largest ÷ smallest irradiance over normals, in stops.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contrast_stops: Option<f32>,
-    /// The contrast under the truth.
+    /// Contrast under the true panorama.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub true_contrast_stops: Option<f32>,
     /// Angle between the vector irradiances, degrees.
@@ -70,7 +72,7 @@ pub struct LightReport {
 }
 
 impl ValidationReport {
-    /// What applies, under the names of the fields; those of the global decoder's light begin with `global_`.
+    /// Returns the available figures under their field names; those of the single map start with `global_`.
     pub fn figures(&self) -> Vec<Figure> {
         let figures = [
             ("photos", Some(self.photos as f32)),
@@ -101,7 +103,7 @@ impl ValidationReport {
             ("global_unseen_irradiance_relative_si_rmse", global.unseen_irradiance_relative_si_rmse),
             ("global_unseen_irradiance_angular_deg", global.unseen_irradiance_angular_deg),
         ];
-        let known = figures.into_iter().chain(lights).filter_map(|(name, value)| Some((name, value?)));
-        known.map(|(name, value)| Figure { name, value: value.into() }).collect()
+        let available = figures.into_iter().chain(lights).filter_map(|(name, value)| Some((name, value?)));
+        available.map(|(name, value)| Figure { name, value: value.into() }).collect()
     }
 }

@@ -1,4 +1,4 @@
-//! The picture that shows how far the networks are.
+//! Contact sheet of validation photos.
 
 use lo_geometry::Vec3;
 use lo_imaging::{
@@ -6,17 +6,17 @@ use lo_imaging::{
 };
 use lo_octree::LightOctree;
 
-/// Height of a row in pixels; panoramas are twice as wide, cuts as wide.
+/// Height of a row in pixels. Panoramas are twice as wide, octree slices as wide.
 const TILE: usize = 140;
 const GAP: usize = 4;
 
-/// A horizontal cut shows the octree this far below the camera, in metres: through furniture and windows.
-const CUT_BELOW_M: f32 = 0.4;
+/// Height of the octree slice below the camera, metres: through furniture and windows.
+const SLICE_BELOW_M: f32 = 0.4;
 
-/// Depths from black to white in metres, on a logarithmic scale.
+/// Depths shown black and white, metres; logarithmic in between.
 const DEPTHS_M: [f32; 2] = [12.0, 0.5];
 
-/// What is shown of one photo; pairs are of prediction and truth.
+/// Images of one photo; pairs are prediction and truth.
 pub(crate) struct Row {
     pub photo: Image<[u8; 3]>,
     pub panoramas: [RadianceImage; 2],
@@ -24,7 +24,7 @@ pub(crate) struct Row {
     pub octrees: Option<[LightOctree; 2]>,
 }
 
-/// Row by row: photo; predicted and true panorama; predicted and true depth; cuts through the predicted and the true octree.
+/// Lays out one row per photo: the photo, then predicted and true panorama, depth and octree slice.
 pub(crate) fn sheet(rows: &[Row]) -> Image<[u8; 3]> {
     let rows: Vec<Vec<Image<[u8; 3]>>> = rows.iter().map(tiles).collect();
     contact_sheet(&rows.iter().map(|row| &row[..]).collect::<Vec<_>>(), GAP)
@@ -43,17 +43,17 @@ fn tiles(row: &Row) -> Vec<Image<[u8; 3]>> {
     let mut tiles = vec![photo];
     tiles.extend(row.panoramas.iter().map(panorama));
     tiles.extend(row.depths_m.iter().map(depth));
-    tiles.extend(row.octrees.iter().flatten().map(cut));
+    tiles.extend(row.octrees.iter().flatten().map(slice));
     tiles
 }
 
-/// What a plane below the camera cuts of an octree, seen from above, the camera's forward upwards.
-fn cut(light: &LightOctree) -> Image<[u8; 3]> {
+/// Renders a horizontal slice of an octree from above; the camera looks towards the top.
+fn slice(light: &LightOctree) -> Image<[u8; 3]> {
     let (cube, depth) = (light.cube, light.octree.depth());
     let at = |pixel: usize| (pixel as f32 + 0.5) / TILE as f32 * cube.edge_m;
     let radiance = RadianceImage::from_fn(TILE, TILE, |x, z| {
         let point = cube.origin_m + Vec3::new(at(x), 0.0, at(z));
-        let found = light.locate(Vec3::new(point.x, -CUT_BELOW_M, point.z), depth);
+        let found = light.locate(Vec3::new(point.x, -SLICE_BELOW_M, point.z), depth);
         let found = found.and_then(|(depth, node)| light.node_rgba(depth, node));
         found.map_or([0.0; 3], |[r, g, b, alpha]| [r, g, b].map(|c| alpha * (c + 0.02)))
     });

@@ -1,4 +1,4 @@
-//! Where a run stands, in its checkpoint.
+//! Progress of a run, as stored in its checkpoint.
 
 use std::path::{Path, PathBuf};
 
@@ -11,36 +11,37 @@ use crate::encoder_weights::EncoderOrigin;
 use crate::error::TrainError;
 use crate::learner::{Learner, LearnerState};
 
-/// Under which name a run's state is in its checkpoint.
+/// Key of the run's state in its checkpoint.
 const STATE: &str = "training";
 
-/// Where a run stands, but for the weights.
+/// State of a run beside the weights.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct RunState {
     pub seed: u64,
-    /// Which phase, counted from 0.
+    /// Current phase, from 0.
     pub phase: usize,
-    /// Its steps that are done.
+    /// Completed steps of the phase.
     pub step: u64,
-    /// Steps of all phases that are done.
+    /// Completed steps of all phases.
     pub total_steps: u64,
-    /// How often the run went back; chance after it is another.
+    /// Rollbacks so far; they change the random choices that follow.
     pub setbacks: u64,
-    /// Where the next sample stands, and in which dataset.
+    /// Loader position of the next sample.
     pub position: LoaderState,
-    /// Where samples before it stand that wait for others of their size.
+    /// Loader positions of samples that are buffered for a batch of their size.
     #[serde(default)]
     pub waiting: Vec<LoaderState>,
+    /// Fingerprint of the dataset.
     pub fingerprint: u64,
     pub log_bytes: u64,
     pub learner: Option<LearnerState>,
-    /// What the encoder began with.
+    /// File of the initial encoder weights.
     #[serde(default)]
     pub encoder_origin: Option<EncoderOrigin>,
 }
 
 impl RunState {
-    /// At the beginning.
+    /// Returns the state of a new run.
     pub fn new(seed: u64, fingerprint: u64) -> Self {
         Self {
             seed,
@@ -57,7 +58,7 @@ impl RunState {
         }
     }
 
-    /// Writes it with all that the networks need to go on, whole or not at all.
+    /// Writes the state, the networks and their optimisers atomically.
     pub fn write(&mut self, learner: &Learner, path: &Path) -> Result<(), TrainError> {
         let mut checkpoint = Checkpoint::default();
         self.learner = Some(learner.add_to(&mut checkpoint));
@@ -66,12 +67,15 @@ impl RunState {
     }
 
     /// Reads a run's checkpoint.
+    ///
+    /// # Errors
+    /// Unreadable files; [`TrainError::NotThisRun`] for files without the state of a run.
     pub fn read(path: &Path) -> Result<(Learner, Self), TrainError> {
-        let not = |reason: String| TrainError::NotThisRun { path: PathBuf::from(path), reason };
+        let not_a_run = |reason: String| TrainError::NotThisRun { path: PathBuf::from(path), reason };
         let checkpoint = Checkpoint::read(path)?;
         let state: Self = serde_json::from_value(checkpoint.state[STATE].clone())
-            .map_err(|error| not(format!("its state is none of a run: {error}")))?;
-        let learner = state.learner.clone().ok_or_else(|| not("its state has no networks".into()))?;
+            .map_err(|error| not_a_run(format!("not the checkpoint of a training run: {error}")))?;
+        let learner = state.learner.clone().ok_or_else(|| not_a_run("the checkpoint holds no networks".into()))?;
         Ok((Learner::from_checkpoint(checkpoint, &learner)?, state))
     }
 }
@@ -81,7 +85,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    /// The state in the header of a checkpoint from before batches and `max_nodes`.
+    /// Reads the state of a checkpoint written before batches and `max_nodes`.
     #[test]
     fn the_state_of_a_former_checkpoint_is_read() {
         let header = r#"{"seed": 31, "phase": 1, "step": 40, "total_steps": 940, "setbacks": 2,
@@ -93,7 +97,7 @@ mod tests {
         assert_eq!((state.seed, state.phase, state.step, state.total_steps, state.setbacks), (31, 1, 40, 940, 2));
         assert_eq!((state.position.epoch, state.position.block), (3, 7));
         assert!(state.waiting.is_empty() && state.learner.is_some());
-        // What is written has these names too.
+        // The keys are still the same.
         let written = serde_json::to_value(&state).unwrap();
         let former: serde_json::Value = serde_json::from_str(header).unwrap();
         for (name, value) in former.as_object().unwrap().iter().filter(|(name, _)| *name != "learner") {

@@ -1,25 +1,25 @@
-//! Photos that look otherwise and show the same: what the depth network must not go by, since generated rooms have it otherwise than real ones.
+//! Appearance augmentation: contrast, saturation, blur and noise, in which generated photos differ from real ones.
 
 use lo_imaging::Image;
 use lo_random::{RngExt, Stream};
 use serde::{Deserialize, Serialize};
 
-/// How else photos look. All are 0 by default, and change nothing then.
+/// Appearance augmentation of photos. All strengths are 0 (off) by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StyleConfig {
-    /// Natural logarithm of the exponent of sRGB values, at most either way.
+    /// Largest absolute natural logarithm of the exponent of sRGB values.
     pub contrast: f32,
-    /// Share of the colour that is taken away or added at most.
+    /// Largest relative change of saturation.
     pub saturation: f32,
-    /// Standard deviation of a blur in pixels of the network's photo, at most.
+    /// Largest standard deviation of blur, in pixels of the network's input.
     pub blur_px: f32,
-    /// Standard deviation of noise in sRGB values from 0 to 1, at most.
+    /// Largest standard deviation of noise, in sRGB values from 0 to 1.
     pub noise: f32,
 }
 
 impl StyleConfig {
-    /// A photo in a style that is drawn for it.
+    /// Applies a random style to a photo.
     pub(crate) fn apply(&self, photo: &Image<[u8; 3]>, stream: &mut Stream) -> Image<[u8; 3]> {
         if *self == Self::default() {
             return photo.clone();
@@ -27,22 +27,22 @@ impl StyleConfig {
         let mut either_way = |most: f32| most * stream.random_range(-1.0f32..=1.0);
         let (exponent, saturation) = (either_way(self.contrast).exp(), 1.0 + either_way(self.saturation));
         // Half of the photos stay sharp and free of noise.
-        let mut seldom = |most: f32| most * (2.0 * stream.random::<f32>() - 1.0).max(0.0);
-        let (blur_px, noise) = (seldom(self.blur_px), seldom(self.noise));
+        let mut in_half = |most: f32| most * (2.0 * stream.random::<f32>() - 1.0).max(0.0);
+        let (blur_px, noise) = (in_half(self.blur_px), in_half(self.noise));
         let styled = photo.map(|rgb| {
             let [r, g, b] = rgb.map(|v| (f32::from(v) / 255.0).powf(exponent));
             let grey = (r + g + b) / 3.0;
             [r, g, b].map(|v| grey + saturation * (v - grey))
         });
         let styled = blurred(&styled, blur_px);
-        // Three uniform variables have a variance of a quarter together, and are bell enough.
-        let mut bell = || 2.0 * ((0..3).map(|_| stream.random::<f32>()).sum::<f32>() - 1.5);
-        let mut noisy = |v: f32| if noise > 0.0 { v + noise * bell() } else { v };
+        // The sum of three uniform variables has a variance of 1/4 and is close enough to a Gaussian.
+        let mut gaussian = || 2.0 * ((0..3).map(|_| stream.random::<f32>()).sum::<f32>() - 1.5);
+        let mut noisy = |v: f32| if noise > 0.0 { v + noise * gaussian() } else { v };
         styled.map(|rgb| rgb.map(|v| (255.0 * noisy(v).clamp(0.0, 1.0)).round() as u8))
     }
 }
 
-/// By a separable Gaussian; edges are continued.
+/// Blurs with a separable Gaussian; border pixels are replicated.
 fn blurred(image: &Image<[f32; 3]>, sigma_px: f32) -> Image<[f32; 3]> {
     let reach = (3.0 * sigma_px).ceil() as isize;
     if reach == 0 {

@@ -1,4 +1,4 @@
-//! Figures on held-out scenes, and pictures of them.
+//! Figures and contact sheet of held-out scenes.
 
 use std::collections::BTreeMap;
 
@@ -18,38 +18,38 @@ use lo_octree::LightOctree;
 use lo_scene::{Completion, Estimate, Frame, LitScene};
 
 use crate::augmentation::Variation;
-use crate::example::{DepthExample, KnownDepth, Unusable, VariedRoom};
+use crate::example::{AugmentedRoom, DepthExample, DepthSource, UnusableSample};
 use crate::learner::Learner;
 use crate::rays::panorama_rays;
 use crate::report::{LightReport, ValidationReport};
 use crate::sheet::{Row, sheet};
 
-/// Seed of what is drawn for the light network, as of estimates where none is asked for.
+/// Seed of the light network's random choices: the default of estimation.
 const SEED: u64 = 0;
 
-/// Held-out photos of panoramas whose cameras are asked for, to one whose depth and light are: they cost little.
-const CAMERAS: usize = 4;
+/// Held-out crops of panoramas on which the predicted camera is measured, per fully evaluated photo. They are cheap.
+const CAMERAS_PER_PHOTO: usize = 4;
 
-/// Held-out photos, with what does not change while the networks learn.
+/// Held-out photos, with figures that do not depend on the networks.
 pub(crate) struct Validation {
     samples: Vec<Sample>,
-    /// Photos whose cameras are known: [photo, how it was held].
+    /// Photos with known cameras.
     cameras: Vec<(Image<[u8; 3]>, Perspective)>,
     sheet_rows: usize,
-    /// By octree depth: PSNR of each photo's true octree and of its shell.
+    /// Octree depth → PSNR of the true octree and of the shell for each photo.
     bounds: BTreeMap<u32, Vec<[Option<f64>; 2]>>,
 }
 
 impl Validation {
-    /// The first photos of the dataset's validation part, one of each scene. They are kept in memory, about 12 MB each.
+    /// Loads the first photos of the dataset's validation part, one per scene; about 12 MB of memory each.
     ///
-    /// Cameras are asked of these and, where the dataset is of panoramas also, of photos of those.
+    /// Predicted cameras are measured on these and on crops of the panoramas. `on_skip` receives skipped samples.
     pub fn new(
         dataset: &dyn Dataset,
         panoramas: &dyn Dataset,
         photos: usize,
         sheet_rows: usize,
-        mut passed_over: impl FnMut(Warning),
+        mut on_skip: impl FnMut(Warning),
     ) -> Self {
         let (mut samples, mut last) = (Vec::new(), String::new());
         for index in 0..dataset.len() {
@@ -66,57 +66,59 @@ impl Validation {
                     samples.push(Sample { radiance: None, normal: None, albedo: None, sensor_depth_m: None, ..sample });
                 }
                 Ok(sample) => {
-                    let error = Unusable::Missing("true depth or surface points").to_string();
-                    passed_over(Warning::SamplePassedOver { sample: sample.id, error });
+                    let error = UnusableSample::Missing("true depth or surface points").to_string();
+                    on_skip(Warning::SamplePassedOver { sample: sample.id, error });
                 }
-                Err(error) => passed_over(Warning::SamplePassedOver { sample: last.clone(), error: error.to_string() }),
+                Err(error) => on_skip(Warning::SamplePassedOver { sample: last.clone(), error: error.to_string() }),
             }
         }
         let camera = |sample: &Sample| {
             let perspective = Perspective { up: sample.up?, half_extent: sample.camera.half_extent() };
             Some((sample.photo.clone(), perspective))
         };
-        let of_panoramas = indices_of(panoramas, Some(Split::Validation), Some(CAMERAS * photos));
+        let of_panoramas = indices_of(panoramas, Some(Split::Validation), Some(CAMERAS_PER_PHOTO * photos));
         let of_panoramas = of_panoramas.into_iter().filter_map(|index| camera(&panoramas.get(index).ok()?));
         let cameras = samples.iter().filter_map(camera).chain(of_panoramas).collect();
         Self { samples, cameras, sheet_rows, bounds: BTreeMap::new() }
     }
 
-    /// Figures of the averaged weights as they are exported, and the contact sheet where it has rows. `lit`: the light network too.
-    pub fn run(&mut self, learner: &Learner, lit: bool) -> (ValidationReport, Option<Image<[u8; 3]>>) {
+    /// Measures the exported weights and returns the report and the contact sheet, if it has rows.
+    ///
+    /// `with_light` includes the light network.
+    pub fn run(&mut self, learner: &Learner, with_light: bool) -> (ValidationReport, Option<Image<[u8; 3]>>) {
         let estimator = Estimator::new(learner.exported());
-        let config = estimator.networks().expect("it was made with networks").config.clone();
+        let config = estimator.networks().expect("the estimator was created with networks").config.clone();
         let depth = config.depth.max(DEFAULT_OCTREE_DEPTH);
-        if lit && !self.bounds.contains_key(&depth) {
+        if with_light && !self.bounds.contains_key(&depth) {
             let bounds = self.samples.iter().map(|sample| in_pool(|| bounds(sample, &config, depth)));
             self.bounds.insert(depth, bounds.collect());
         }
-        let (mut means, mut rows) = (Means::default(), Vec::new());
+        let (mut figures, mut rows) = (FigureAccumulator::default(), Vec::new());
         for sample in &self.samples {
-            let row = in_pool(|| judge(&estimator, sample, lit, &mut means));
+            let row = in_pool(|| evaluate(&estimator, sample, with_light, &mut figures));
             rows.extend(row.filter(|_| rows.len() < self.sheet_rows));
         }
-        let mut report = means.report(self.samples.len());
-        let networks = estimator.networks().expect("it was made with networks");
-        let off = |(photo, truth): &(Image<[u8; 3]>, Perspective)| {
+        let mut report = figures.report(self.samples.len());
+        let networks = estimator.networks().expect("the estimator was created with networks");
+        let camera_errors = |(photo, truth): &(Image<[u8; 3]>, Perspective)| {
             let found = networks.perspective(photo, None)?.camera;
-            let fov_deg = |of: &Perspective| 2.0 * of.half_extent.atan().to_degrees();
+            let fov_deg = |camera: &Perspective| 2.0 * camera.half_extent.atan().to_degrees();
             let up_deg = f64::from(found.up.angle_between(truth.up).to_degrees());
             Some((up_deg, (fov_deg(&found) - fov_deg(truth)).abs()))
         };
-        let (up_deg, fov_deg): (Vec<f64>, Vec<f64>) = self.cameras.iter().filter_map(off).unzip();
+        let (up_deg, fov_deg): (Vec<f64>, Vec<f64>) = self.cameras.iter().filter_map(camera_errors).unzip();
         (report.up_error_deg, report.fov_error_deg) = (median(up_deg), median(fov_deg));
-        if lit {
-            let of = |which: usize| mean(self.bounds[&depth].iter().filter_map(|bound| bound[which]));
-            (report.true_octree_psnr_db, report.shell_psnr_db) = (of(0).map(narrow), of(1).map(narrow));
+        if with_light {
+            let bound = |which: usize| mean(self.bounds[&depth].iter().filter_map(|bound| bound[which]));
+            (report.true_octree_psnr_db, report.shell_psnr_db) = (bound(0).map(narrow), bound(1).map(narrow));
         }
         (report, (!rows.is_empty()).then(|| sheet(&rows)))
     }
 }
 
-/// Figures of the photos; of those with panoramas, each photo's own mean.
+/// Figures of each photo; those of panoramas are means over the photo's panoramas.
 #[derive(Default)]
-struct Means {
+struct FigureAccumulator {
     abs_rel: Vec<f64>,
     delta1: Vec<f64>,
     global_db: Vec<f64>,
@@ -128,7 +130,7 @@ struct Means {
     global_light: Vec<Vec<LightOnObjects>>,
 }
 
-impl Means {
+impl FigureAccumulator {
     fn report(&self, photos: usize) -> ValidationReport {
         let of = |values: &[f64]| mean(values.iter().copied()).map(narrow);
         ValidationReport {
@@ -146,19 +148,19 @@ impl Means {
     }
 }
 
-/// Figures of the panoramas of photos; `None` without any.
+/// Summarises the figures of all photos; `None` without any panorama.
 fn light_report(photos: &[Vec<LightOnObjects>]) -> Option<LightReport> {
-    type Of = fn(&LightOnObjects) -> Option<f64>;
-    let of_photos = |figure: Of| -> Vec<f64> {
+    type Select = fn(&LightOnObjects) -> Option<f64>;
+    let by_photo = |figure: Select| -> Vec<f64> {
         photos.iter().filter_map(|panoramas| mean(panoramas.iter().filter_map(figure))).collect()
     };
-    let middle = |figure: Of| median(of_photos(figure));
-    let average = |figure: Of| mean(of_photos(figure).into_iter()).map(narrow);
+    let median = |figure: Select| median(by_photo(figure));
+    let average = |figure: Select| mean(by_photo(figure).into_iter()).map(narrow);
     photos.iter().any(|panoramas| !panoramas.is_empty()).then(|| LightReport {
-        contrast_stops: middle(|light| Some(light.contrast_stops)),
-        true_contrast_stops: middle(|light| Some(light.true_contrast_stops)),
-        vector_deg: middle(|light| light.vector_deg),
-        level_log2: middle(|light| Some(light.level_log2)),
+        contrast_stops: median(|light| Some(light.contrast_stops)),
+        true_contrast_stops: median(|light| Some(light.true_contrast_stops)),
+        vector_deg: median(|light| light.vector_deg),
+        level_log2: median(|light| Some(light.level_log2)),
         unseen_irradiance_relative_si_rmse: average(|light| light.unseen_relative_si_rmse),
         unseen_irradiance_angular_deg: average(|light| light.unseen_angular_deg),
     })
@@ -178,45 +180,47 @@ fn narrow(figure: f64) -> f32 {
     figure as f32
 }
 
-/// Figures of one photo into `means`, and its row of the sheet. All but the split labels are of [`Estimator::estimate`] as it is used: the shares of colour and
-/// brightness that are believed, the working resolution and what is refined below the network's depth are in them.
-fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -> Option<Row> {
+/// Adds the figures of one photo and returns its row of the sheet; `None` if an estimate fails.
+///
+/// All figures but split accuracy come from full estimates by [`Estimator::estimate`], including working resolution
+/// and refinement below the network's depth.
+fn evaluate(estimator: &Estimator, sample: &Sample, with_light: bool, figures: &mut FigureAccumulator) -> Option<Row> {
     let networks = estimator.networks()?;
     let true_m = sample.depth_m.as_ref()?;
     let photo = || Photo::Srgb8(sample.photo.clone());
-    let completion = Some(if lit { Completion::Network } else { Completion::None });
+    let completion = Some(if with_light { Completion::Network } else { Completion::None });
     let options = EstimateOptions { completion, seed: SEED, ..EstimateOptions::default() };
-    let estimated = |input: Input| estimator.estimate(input, &options, &mut events::ignore).ok();
+    let estimate = |input: Input| estimator.estimate(input, &options, &mut events::ignore).ok();
 
-    let alone = estimated(Input::Photo { photo: photo(), camera: sample.camera })?;
-    if let Some(errors) = DepthErrors::of(true_m, &alone.frame.depth_m) {
-        means.abs_rel.push(errors.abs_rel);
-        means.delta1.push(errors.delta[0]);
+    let alone = estimate(Input::Photo { photo: photo(), camera: sample.camera })?;
+    if let Some(errors) = DepthErrors::compare(true_m, &alone.frame.depth_m) {
+        figures.abs_rel.push(errors.abs_rel);
+        figures.delta1.push(errors.delta[0]);
     }
     let example = DepthExample::new(sample, &Variation::NONE, networks.depth.longer_side()).ok()?;
     let global_panorama = networks.single_map(&sample.photo);
     let true_panorama = example.panorama?;
-    means.global_db.extend(panorama_psnr_db(&true_panorama, &global_panorama));
+    figures.global_db.extend(panorama_psnr_db(&true_panorama, &global_panorama));
     let at_camera =
         NovelView { position_m: Vec3::ZERO, rotation: Quat::IDENTITY, radiance: true_panorama.clone(), depth_m: None };
-    means.global_light.push(light_on_objects(sample, &at_camera, &global_panorama).into_iter().collect());
+    figures.global_light.push(light_on_objects(sample, &at_camera, &global_panorama).into_iter().collect());
     let mut row = Row {
         photo: sample.photo.clone(),
         panoramas: [global_panorama, true_panorama],
         depths_m: [alone.frame.depth_m.clone(), example.depth_m],
         octrees: None,
     };
-    if lit {
+    if with_light {
         let panoramas = scene_panoramas(&alone, &sample.views);
-        means.alone_db.extend(views_db(&sample.views, &panoramas));
+        figures.alone_db.extend(views_db(&sample.views, &panoramas));
         let lights = sample.views.iter().zip(&panoramas).filter_map(|(view, got)| light_on_objects(sample, view, got));
-        means.light.push(lights.collect());
+        figures.light.push(lights.collect());
         let frame = Frame::new(photo(), true_m.clone(), sample.camera, 1.0).ok()?;
-        let scene = estimated(Input::MeasuredDepth(frame))?;
-        means.db.extend(scene_db(&scene, &sample.views));
-        let room = VariedRoom::new(sample, &Variation::NONE, KnownDepth::True).ok()?;
+        let scene = estimate(Input::MeasuredDepth(frame))?;
+        figures.db.extend(scene_db(&scene, &sample.views));
+        let room = AugmentedRoom::new(sample, &Variation::NONE, DepthSource::True).ok()?;
         let truth = room.truth(&networks.config).ok()?;
-        means.splits.extend(split_accuracy(networks, sample, &room, &truth));
+        figures.splits.extend(split_accuracy(networks, sample, &room, &truth));
         if let Some(view) = sample.views.first() {
             let viewers = SceneRenderer::new(&LitScene::as_estimated(scene.clone()));
             let panorama = seen_from(&|eye, cones, samples| viewers.trace_batch(eye, cones, samples), view);
@@ -227,8 +231,8 @@ fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -
     Some(row)
 }
 
-/// The share of the light network's labels that are right along the true octree.
-fn split_accuracy(networks: &Networks, sample: &Sample, room: &VariedRoom, truth: &LightOctree) -> Option<f64> {
+/// Returns the share of correct split labels of the light network along the true octree.
+fn split_accuracy(networks: &Networks, sample: &Sample, room: &AugmentedRoom, truth: &LightOctree) -> Option<f64> {
     let input = room.input(&networks.config, SEED).ok()?;
     let input = input.with_up(room.seen.room.up).with_map(networks.single_map(&sample.photo));
     let global = networks.depth.global_feature(&networks.depth.network_input(&sample.photo));
@@ -243,9 +247,9 @@ fn split_accuracy(networks: &Networks, sample: &Sample, room: &VariedRoom, truth
     Some(right as f64 / all.max(1) as f64)
 }
 
-/// PSNR of the panoramas of a photo's true octree, in the cube of its estimate, and of its shell.
+/// Returns the PSNR of panoramas from a photo's true octree, in the cube of its estimate, and from its shell.
 fn bounds(sample: &Sample, network: &LightNetConfig, octree_depth: u32) -> [Option<f64>; 2] {
-    let Ok(room) = VariedRoom::new(sample, &Variation::NONE, KnownDepth::True) else { return [None; 2] };
+    let Ok(room) = AugmentedRoom::new(sample, &Variation::NONE, DepthSource::True) else { return [None; 2] };
     let network = LightNetConfig { depth: octree_depth, ..network.clone() };
     let truth = room.truth(&network).ok().and_then(|truth| octree_db(&truth, &sample.views));
     let options = EstimateOptions { octree_depth: Some(octree_depth), ..EstimateOptions::default() };
@@ -255,10 +259,10 @@ fn bounds(sample: &Sample, network: &LightNetConfig, octree_depth: u32) -> [Opti
     [truth, shell.and_then(|scene| scene_db(&scene, &sample.views))]
 }
 
-/// What cones from a place see.
+/// Traces cones from an eye position.
 type Trace<'a> = &'a dyn Fn(Vec3, &[Cone], &mut [ConeSample]);
 
-/// Mean PSNR of the panoramas of a scene at the true places, as evaluation has it.
+/// Returns the mean PSNR of a scene's panoramas at the positions of the true ones, as in `lo_eval`.
 fn scene_db(scene: &Estimate, views: &[NovelView]) -> Option<f64> {
     views_db(views, &scene_panoramas(scene, views))
 }
@@ -268,7 +272,7 @@ fn scene_panoramas(scene: &Estimate, views: &[NovelView]) -> Vec<RadianceImage> 
     views.iter().map(|view| seen_from(&|eye, cones, samples| viewers.trace_batch(eye, cones, samples), view)).collect()
 }
 
-/// Mean PSNR of the panoramas of an octree alone.
+/// Returns the mean PSNR of the panoramas of an octree without the photo's lookup.
 fn octree_db(light: &LightOctree, views: &[NovelView]) -> Option<f64> {
     let viewers = OctreeRenderer::new(light);
     let panorama = |view| seen_from(&|eye, cones, samples| viewers.at(eye).trace_batch(cones, samples), view);
@@ -280,7 +284,7 @@ fn views_db(views: &[NovelView], panoramas: &[RadianceImage]) -> Option<f64> {
 }
 
 fn light_on_objects(sample: &Sample, view: &NovelView, got: &RadianceImage) -> Option<LightOnObjects> {
-    LightOnObjects::of(&view.radiance, got, seen_mask(sample, view).as_deref())
+    LightOnObjects::compare(&view.radiance, got, seen_mask(sample, view).as_deref())
 }
 
 fn seen_from(trace: Trace<'_>, view: &NovelView) -> RadianceImage {

@@ -1,4 +1,4 @@
-//! What is done with files of weights as a whole, between training and shipping.
+//! Averages, merges and inspects weights files.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -10,64 +10,66 @@ use lo_nets::{DEPTH_NET, Device, LIGHT_NET, Networks};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-/// Why files of weights cannot be made one, or not be read.
+/// Errors of operations on weights files.
 #[derive(Debug, thiserror::Error)]
 pub enum WeightsError {
-    /// A file that cannot be read or written, or whose networks are not whole.
+    /// A file cannot be read or written, or its networks are incomplete.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// The system refused to give its bytes.
+    /// A file cannot be read.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// A tensor that one file has and another has not.
+    /// A tensor is missing in one of the files.
     #[error("{} has no tensor \"{tensor}\", which {} has", path.display(), other.display())]
     Missing {
-        /// Its name.
+        /// Name of the tensor.
         tensor: String,
-        /// The file without it.
+        /// The file without the tensor.
         path: PathBuf,
-        /// The file with it.
+        /// The file with the tensor.
         other: PathBuf,
     },
-    /// A tensor that is not of one shape in all files.
+    /// A tensor has different shapes in two files.
     #[error("tensor \"{tensor}\" is {shape:?} in {}, but {other_shape:?} in {}", path.display(), other.display())]
     Shape {
-        /// Its name.
+        /// Name of the tensor.
         tensor: String,
-        /// A file.
+        /// One of the files.
         path: PathBuf,
-        /// Its shape there.
+        /// Shape of the tensor in that file.
         shape: Vec<usize>,
-        /// Another file.
+        /// The other file.
         other: PathBuf,
-        /// Its shape there.
+        /// Shape of the tensor in that file.
         other_shape: Vec<usize>,
     },
-    /// Light networks of other configurations.
-    #[error("the light network of {} is configured otherwise than that of {}", path.display(), other.display())]
+    /// The light networks of two files have different configurations.
+    #[error("the light networks of {} and {} have different configurations", path.display(), other.display())]
     Config {
-        /// A file.
+        /// One of the files.
         path: PathBuf,
-        /// Another file.
+        /// The other file.
         other: PathBuf,
     },
 }
 
-/// Writes the mean of the networks of `files`, weight by weight, in 16 bits. Checkpoints of runs count with their averaged weights.
+/// Writes the mean of the networks of `files`, weight by weight, in 16 bits.
+///
+/// Of a run's checkpoint, the averaged weights are used.
 ///
 /// # Errors
-/// Files that cannot be read, or whose networks differ: names the first tensor.
+/// Unreadable files; networks of different shapes (names the first tensor).
 ///
 /// # Panics
-/// Without files.
+/// If `files` is empty.
 pub fn average(files: &[PathBuf], to: &Path) -> Result<(), WeightsError> {
     let checkpoints: Vec<Checkpoint> = files.iter().map(Checkpoint::read).collect::<Result<_, _>>()?;
-    let (first, others) = checkpoints.split_first().expect("a file at least");
+    let (first, others) = checkpoints.split_first().expect("at least one file");
     for (checkpoint, path) in others.iter().zip(&files[1..]) {
         same_networks((first, &files[0]), (checkpoint, path))?;
         if checkpoint.state[LIGHT_NET] != first.state[LIGHT_NET] {
@@ -76,7 +78,7 @@ pub fn average(files: &[PathBuf], to: &Path) -> Result<(), WeightsError> {
     }
     let mut mean = Checkpoint::default();
     for (name, shape) in networks_of(first) {
-        // −0 is what a sum begins with: 0 would make zeros lose their sign
+        // Starting at −0 preserves the sign of zeros.
         let mut sums = vec![-0.0f64; shape.iter().product()];
         for values in checkpoints.iter().filter_map(|checkpoint| checkpoint.values(name)) {
             sums.iter_mut().zip(values).for_each(|(sum, &value)| *sum += f64::from(value));
@@ -89,10 +91,10 @@ pub fn average(files: &[PathBuf], to: &Path) -> Result<(), WeightsError> {
     write(mean, to)
 }
 
-/// Writes the depth network of one file and the light network of another as one file of weights, in 16 bits.
+/// Writes the depth network of one file and the light network of another as one weights file, in 16 bits.
 ///
 /// # Errors
-/// Files that cannot be read, and networks whose global lighting features differ in length: names the tensor.
+/// Unreadable files; networks with global features of different lengths (names the tensor).
 pub fn merge(depth: &Path, light: &Path, to: &Path) -> Result<(), WeightsError> {
     let (from_depth, from_light) = (Checkpoint::read(depth)?, Checkpoint::read(light)?);
     let mut merged = Checkpoint::default();
@@ -106,27 +108,27 @@ pub fn merge(depth: &Path, light: &Path, to: &Path) -> Result<(), WeightsError> 
     write(merged, to)
 }
 
-/// What a file of weights is.
+/// Summary of a weights file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Inspection {
-    /// SHA-256 of the file, in hexadecimal.
+    /// SHA-256 of the file, hexadecimal.
     pub sha256: String,
-    /// Its size.
+    /// Size of the file.
     pub bytes: u64,
-    /// Weights of the depth network.
+    /// Number of weights of the depth network.
     pub depth_net_values: u64,
-    /// Weights of the light network.
+    /// Number of weights of the light network.
     pub light_net_values: u64,
-    /// What of the depth network looks at the photo.
+    /// Image encoder of the depth network.
     pub encoder: EncoderKind,
-    /// The light network's shape.
+    /// Shape of the light network.
     pub light_net: LightNetConfig,
 }
 
-/// Looks at a file of weights or at a run's checkpoint.
+/// Inspects a weights file or a run's checkpoint.
 ///
 /// # Errors
-/// Files that cannot be read, or do not hold both networks whole.
+/// Unreadable files; files without both networks complete.
 pub fn inspect(path: &Path) -> Result<Inspection, WeightsError> {
     let bytes = std::fs::read(path).map_err(|source| WeightsError::Io { path: path.to_owned(), source })?;
     let checkpoint = Checkpoint::from_bytes(&bytes, &path.display().to_string())?;
@@ -142,15 +144,17 @@ pub fn inspect(path: &Path) -> Result<Inspection, WeightsError> {
     })
 }
 
+/// Returns whether a tensor belongs to a network.
 fn is_of(tensor: &str, network: &str) -> bool {
     tensor.strip_prefix(network).is_some_and(|rest| rest.starts_with('.'))
 }
 
-/// Names and shapes of the tensors that are used, without those that only training needs.
+/// Returns names and shapes of the networks' tensors, without training state.
 fn networks_of(checkpoint: &Checkpoint) -> impl Iterator<Item = (&str, &[usize])> {
     checkpoint.shapes().filter(|(name, _)| is_of(name, DEPTH_NET) || is_of(name, LIGHT_NET))
 }
 
+/// Checks that two checkpoints have the same tensors.
 fn same_networks((a, path): (&Checkpoint, &Path), (b, other): (&Checkpoint, &Path)) -> Result<(), WeightsError> {
     let lacks = |tensor: &str, path: &Path, other: &Path| WeightsError::Missing {
         tensor: tensor.to_owned(),
@@ -175,7 +179,7 @@ fn same_networks((a, path): (&Checkpoint, &Path), (b, other): (&Checkpoint, &Pat
     }
 }
 
-/// Writes networks that are whole.
+/// Checks that the networks are complete and writes them.
 fn write(checkpoint: Checkpoint, to: &Path) -> Result<(), WeightsError> {
     Ok(Networks::from_checkpoint(checkpoint, &Device::flex())?.write(to, Precision::Half)?)
 }

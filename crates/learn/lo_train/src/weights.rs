@@ -1,12 +1,15 @@
-//! What is done with all weights of a module alike: gradients' norms, averages.
+//! Operations on all weights of a module: gradient norms, clipping, averaging.
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Gradients, Tensor, TensorData};
 use rayon::prelude::*;
 
-/// The norm of a module's gradient, or the first of its parameters whose gradient is no number.
+/// Returns the norm of a module's gradient.
+///
+/// # Errors
+/// Name of the first parameter with a NaN or infinite gradient.
 pub(crate) fn gradient_norm<M: Module>(module: &M, gradients: &Gradients) -> Result<f32, String> {
-    let mut norm = Norm { gradients, path: Vec::new(), squares: 0.0, culprit: None };
+    let mut norm = NormVisitor { gradients, path: Vec::new(), squares: 0.0, culprit: None };
     module.visit(&mut norm);
     match norm.culprit {
         Some(name) => Err(name),
@@ -14,37 +17,39 @@ pub(crate) fn gradient_norm<M: Module>(module: &M, gradients: &Gradients) -> Res
     }
 }
 
-/// Multiplies a module's gradient.
+/// Multiplies a module's gradient by `factor`.
 pub(crate) fn scale_gradient<M: Module>(module: &M, gradients: &mut Gradients, factor: f32) {
-    module.visit(&mut Scale { gradients, factor });
+    module.visit(&mut ScaleVisitor { gradients, factor });
 }
 
-/// The first parameter of a module that holds what is no number.
-pub(crate) fn first_not_finite<M: Module>(module: &M) -> Option<String> {
-    let mut find = Find { path: Vec::new(), culprit: None };
+/// Returns the name of the first parameter that holds a NaN or infinite value.
+pub(crate) fn first_non_finite<M: Module>(module: &M) -> Option<String> {
+    let mut find = NonFiniteVisitor { path: Vec::new(), culprit: None };
     module.visit(&mut find);
     find.culprit
 }
 
-/// `average` with each weight moved to that of `module` by `1 − decay` of the way. Both have the same shape; `average` records no gradients.
+/// Returns `decay · average + (1 − decay) · module`, weight by weight.
+///
+/// Both modules have the same shape; `average` records no gradients.
 pub(crate) fn averaged<M: Module>(average: M, module: &M, decay: f64) -> M {
-    let mut collect = Collect(Vec::new());
+    let mut collect = CollectVisitor(Vec::new());
     module.valid().visit(&mut collect);
-    average.map(&mut Blend { values: collect.0.into_iter(), decay: decay as f32 })
+    average.map(&mut BlendMapper { values: collect.0.into_iter(), decay: decay as f32 })
 }
 
 fn floats<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.into_data().convert::<f32>().try_into_vec().expect("just converted to f32")
 }
 
-struct Norm<'a> {
+struct NormVisitor<'a> {
     gradients: &'a Gradients,
     path: Vec<String>,
     squares: f64,
     culprit: Option<String>,
 }
 
-impl ModuleVisitor for Norm<'_> {
+impl ModuleVisitor for NormVisitor<'_> {
     fn enter_module(&mut self, name: &str, _: &str) {
         self.path.push(name.to_owned());
     }
@@ -55,7 +60,7 @@ impl ModuleVisitor for Norm<'_> {
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let Some(gradient) = param.val().grad(self.gradients) else { return };
-        // In pieces of one size: the same sum for every number of threads.
+        // Chunks of a fixed size: the sum does not depend on the number of threads.
         let values = floats(gradient);
         let squares: Vec<f64> =
             values.par_chunks(1 << 14).map(|part| part.iter().map(|&g| f64::from(g) * f64::from(g)).sum()).collect();
@@ -67,12 +72,12 @@ impl ModuleVisitor for Norm<'_> {
     }
 }
 
-struct Scale<'a> {
+struct ScaleVisitor<'a> {
     gradients: &'a mut Gradients,
     factor: f32,
 }
 
-impl ModuleVisitor for Scale<'_> {
+impl ModuleVisitor for ScaleVisitor<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let tensor = param.val();
         if let Some(gradient) = tensor.grad_remove(self.gradients) {
@@ -81,12 +86,12 @@ impl ModuleVisitor for Scale<'_> {
     }
 }
 
-struct Find {
+struct NonFiniteVisitor {
     path: Vec<String>,
     culprit: Option<String>,
 }
 
-impl ModuleVisitor for Find {
+impl ModuleVisitor for NonFiniteVisitor {
     fn enter_module(&mut self, name: &str, _: &str) {
         self.path.push(name.to_owned());
     }
@@ -102,20 +107,20 @@ impl ModuleVisitor for Find {
     }
 }
 
-struct Collect(Vec<Vec<f32>>);
+struct CollectVisitor(Vec<Vec<f32>>);
 
-impl ModuleVisitor for Collect {
+impl ModuleVisitor for CollectVisitor {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         self.0.push(floats(param.val()));
     }
 }
 
-struct Blend {
+struct BlendMapper {
     values: std::vec::IntoIter<Vec<f32>>,
     decay: f32,
 }
 
-impl ModuleMapper for Blend {
+impl ModuleMapper for BlendMapper {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
         let (id, tensor, mapper) = param.consume();
         let (device, dims) = (tensor.device(), tensor.dims());

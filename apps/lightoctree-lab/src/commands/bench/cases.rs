@@ -1,4 +1,4 @@
-//! The cases: what is prepared, and what is timed.
+//! Benchmark cases: preparation and timed function.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -17,25 +17,25 @@ use lo_train::peer_cases::{self, Work};
 
 use super::input::{self, load};
 
-/// Depths that all peers use.
+/// Octree depths of all peers.
 const DEPTH: u32 = 7;
 const FULL_DEPTH: u32 = 4;
-/// The peers' panorama.
+/// Size of the peers' panorama.
 const WIDTH: usize = 256;
 const HEIGHT: usize = 128;
 
-/// One thing to time.
+/// A benchmark case.
 pub struct Case {
     pub name: &'static str,
     pub prepare: fn() -> anyhow::Result<Prepared>,
 }
 
-/// What is timed; `run` returns the number of nodes that it worked on.
+/// A function to time; `run` returns the number of nodes processed.
 pub struct Prepared {
     pub run: Box<dyn FnMut() -> Option<usize>>,
 }
 
-/// In the kit's order and with the kit's names; the last two are our own.
+/// All cases, in the kit's order and with its names. The last two are not part of the kit.
 pub const CASES: &[Case] = &[
     Case { name: "octree_build_d7", prepare: || build("rgbd", false) },
     Case { name: "octree_build_neigh_d7", prepare: || build("rgbd", true) },
@@ -62,7 +62,7 @@ pub const CASES: &[Case] = &[
     Case { name: "insert_draft", prepare: insert_draft },
 ];
 
-/// The peers' cube.
+/// Cube of the peers' octrees.
 const CUBE: Cube = Cube { origin_m: Vec3::NEG_ONE, edge_m: 2.0 };
 
 impl From<Work> for Prepared {
@@ -75,7 +75,7 @@ impl From<Work> for Prepared {
     }
 }
 
-/// A cloud of the kit.
+/// Loads a point cloud of the kit.
 fn cloud(name: &str) -> anyhow::Result<Vec<RadiancePoint>> {
     let folder = input::folder()?;
     let (positions, _) = load(&folder, &format!("{name}_unit"))?;
@@ -120,13 +120,13 @@ fn panorama(backward: bool) -> anyhow::Result<Prepared> {
     let light = room_octree(&folder)?;
     let nodes = light.octree.levels()[FULL_DEPTH as usize..].iter().map(|level| level.nonempty).sum();
     let origin = probe(&folder)?;
-    // The kit reads the nearest node.
+    // The kit samples the nearest node.
     let tracer = ConeTracer::new(&light, Settings { sampling: Sampling::Nearest, ..Settings::default() })?;
     let cones = panorama_cones(origin);
     let mut samples = vec![ConeSample::default(); cones.len()];
     let run = move || {
         if backward {
-            // The kit's output gradient: ones.
+            // The kit's output gradient is 1.
             let ones = SampleGradient { radiance: [1.0; 3], ..SampleGradient::default() };
             black_box(tracer.trace_with_gradients(&cones, &mut samples, &|_, _| ones));
         } else {
@@ -138,7 +138,7 @@ fn panorama(backward: bool) -> anyhow::Result<Prepared> {
     Ok(Prepared { run: Box::new(run) })
 }
 
-/// The kit's cones: their half-angle is a pixel's whole pitch (our own panoramas take half of it and more steps).
+/// Returns the kit's cones. Their half-angle is the pixel pitch; our panoramas use half of it, and more steps.
 fn panorama_cones(origin: Vec3) -> Vec<Cone> {
     let tan_half_angle = (std::f32::consts::TAU / WIDTH as f32).tan();
     (0..WIDTH * HEIGHT)
@@ -146,7 +146,7 @@ fn panorama_cones(origin: Vec3) -> Vec<Cone> {
         .collect()
 }
 
-/// The kit's 128³ RGBα volume, index [x][y][z], as an octree.
+/// Converts the kit's 128³ RGBα volume, index [x][y][z], to an octree.
 fn room_octree(folder: &Path) -> anyhow::Result<LightOctree> {
     let (volume, shape) = load(folder, "room_rgba128")?;
     let side = 1u32 << DEPTH;
@@ -177,17 +177,18 @@ fn probe(folder: &Path) -> anyhow::Result<Vec3> {
     }
     let path = folder.join("input.json");
     let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    let input: Input = serde_json::from_str(&text).with_context(|| format!("{} names no probe", path.display()))?;
+    let input: Input =
+        serde_json::from_str(&text).with_context(|| format!("{} has no valid probe_unit", path.display()))?;
     Ok(Vec3::from_array(input.probe_unit))
 }
 
-/// The photo that the program carries: files in memory → scene → one panorama.
+/// Estimates a scene from the built-in photo and renders one panorama.
 fn estimate_panorama() -> anyhow::Result<Prepared> {
     let without = Estimator::without_networks();
     let run = move || {
         let scene = demo::frame()
             .and_then(|frame| demo::estimate(&mut Stages::new(true), Input::MeasuredDepth(frame), &without))
-            .expect("the carried photo makes a scene");
+            .expect("the built-in photo gives a scene");
         let tracer = ConeTracer::new(&scene.light, Settings::default()).expect("the default settings are valid");
         black_box(tracer.panorama(Vec3::new(0.0, -0.5, -1.5), WIDTH, HEIGHT));
         Some(scene.light.rgba[FULL_DEPTH as usize..].iter().map(Vec::len).sum())
@@ -195,7 +196,7 @@ fn estimate_panorama() -> anyhow::Result<Prepared> {
     Ok(Prepared { run: Box::new(run) })
 }
 
-/// One frame of an object of about 20,000 pixels in the carried photo at 480 × 320, draft quality.
+/// Renders one frame of an object of about 20,000 pixels in the built-in photo at 480 × 320, draft quality.
 fn insert_draft() -> anyhow::Result<Prepared> {
     let mut scene =
         demo::estimate(&mut Stages::new(true), Input::MeasuredDepth(demo::frame()?), &Estimator::without_networks())?;
@@ -208,16 +209,16 @@ fn insert_draft() -> anyhow::Result<Prepared> {
         turn += 0.1;
         let composite = inserter
             .render(&[Instance::new(&model, base.turned(turn))], &mut events::ignore)
-            .expect("the carried mesh can be inserted");
+            .expect("the built-in mesh can be inserted");
         Some(composite.alpha.pixels().iter().filter(|alpha| **alpha > 0.0).count())
     };
     Ok(Prepared { run: Box::new(run) })
 }
 
-/// Metres per unit of the carried mesh with which it covers about 20,000 of 480 × 320 pixels.
+/// Scale of the built-in mesh at which it covers about 20,000 of 480 × 320 pixels, metres per unit.
 const INSERT_SCALE: f32 = 0.8;
 
-/// The middle `height` rows of a frame whose photo and depth have one resolution.
+/// Crops a frame with photo and depth of one resolution to its central `height` rows.
 fn cropped(frame: &Frame, height: usize) -> anyhow::Result<Frame> {
     fn rows<T: Copy>(image: &Image<T>, top: usize, height: usize) -> Image<T> {
         Image::from_fn(image.width(), height, |x, y| image[(x, y + top)])

@@ -1,4 +1,4 @@
-//! The program, run as a user runs it, by the helpers of `lightoctree`'s tests.
+//! Runs the program with the helpers of `lightoctree`'s tests.
 
 #[path = "../../../../lightoctree-cli/tests/it/support/run.rs"]
 pub mod run;
@@ -7,5 +7,5 @@ pub mod weights;
 
 pub use run::{done, json, refused};
 
-/// What is run.
+/// The program under test.
 const PROGRAM: &str = "lightoctree-lab";

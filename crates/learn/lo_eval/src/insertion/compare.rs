@@ -1,4 +1,4 @@
-//! Figures of one object at one place.
+//! Figures of one object at one footprint.
 
 use std::collections::HashMap;
 
@@ -7,16 +7,16 @@ use lo_imaging::{RadianceImage, luminance, main_light};
 use lo_insert::Composite;
 use lo_metrics::{rmse, si_rmse};
 
-use super::truth::{STRIDE, Truth};
+use super::truth::{ObjectTruth, STRIDE};
 
-/// Share of a pixel that an object must cover for its radiance to be read there.
+/// Smallest coverage at which a pixel of the object is compared.
 const MIN_ALPHA: f32 = 0.999;
 
-/// Pixels without which nothing is said.
+/// Smallest number of pixels for a figure.
 const MIN_PIXELS: usize = 12;
 
-/// Of the object's own radiance: RMSE and scale-invariant RMSE.
-pub(crate) fn object(truth: &Truth, got: &Composite) -> Option<[f64; 2]> {
+/// Returns RMSE and scale-invariant RMSE of the object's radiance.
+pub(crate) fn object(truth: &ObjectTruth, got: &Composite) -> Option<[f64; 2]> {
     let both = truth.object.iter().filter_map(|&([x, y], radiance)| {
         let alpha = got.alpha[(x, y)];
         (alpha > MIN_ALPHA).then(|| (radiance, got.object[(x, y)].map(|v| v / alpha)))
@@ -31,16 +31,17 @@ pub(crate) fn object(truth: &Truth, got: &Composite) -> Option<[f64; 2]> {
     Some([rmse(&truth, &got, &ones)?, si_rmse(&truth, &got, &ones)?])
 }
 
-/// Figures of a shadow: root mean square of the ratio's error, Pearson's correlation of the ratios' differences between
-/// neighbours, and how dark it is.
+/// Figures of a shadow.
 pub(crate) struct ShadowFigures {
+    /// Root mean square error of the irradiance ratio.
     pub rms: f64,
+    /// Pearson correlation of the differences between neighbouring ratios.
     pub gradient_correlation: Option<f64>,
-    /// Within one radius of the object's foot, and from one to six.
+    /// Darkening within one radius of the object's base, and from one to six.
     pub darkening: [Darkening; 2],
 }
 
-/// Sums of 1 − ratio over the pixels of a shadow's part.
+/// Sums of 1 − ratio over the pixels of a zone of the shadow.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Darkening {
     pub truth: f64,
@@ -53,10 +54,10 @@ impl std::ops::AddAssign for Darkening {
     }
 }
 
-/// Compares the shadow where the support is seen in both pictures.
+/// Compares the shadow where the supporting surface is visible in both images.
 ///
-/// `radii` is the distance on the support between what a pixel shows and the object's foot.
-pub(crate) fn shadow(truth: &Truth, got: &Composite, radii: impl Fn([usize; 2]) -> f32) -> Option<ShadowFigures> {
+/// `radii` returns the distance between a pixel's point on the supporting surface and the object's base.
+pub(crate) fn shadow(truth: &ObjectTruth, got: &Composite, radii: impl Fn([usize; 2]) -> f32) -> Option<ShadowFigures> {
     let shown: HashMap<[usize; 2], (f32, f32)> = truth
         .shadow
         .iter()
@@ -69,11 +70,11 @@ pub(crate) fn shadow(truth: &Truth, got: &Composite, radii: impl Fn([usize; 2]) 
     let sum: f64 = shown.values().map(|&(a, b)| f64::from(a - b).powi(2)).sum();
     let mut differences: Vec<(f64, f64)> = Vec::new();
     let mut darkening = [Darkening::default(); 2];
-    // In the order of the list, so that sums are the same each time.
+    // In the order of the list, so that sums are reproducible.
     for &([x, y], _) in &truth.shadow {
         let Some(own) = shown.get(&[x, y]) else { continue };
-        let part = usize::from(radii([x, y]) > 1.0);
-        darkening[part] += Darkening { truth: 1.0 - f64::from(own.0), got: 1.0 - f64::from(own.1) };
+        let zone = usize::from(radii([x, y]) > 1.0);
+        darkening[zone] += Darkening { truth: 1.0 - f64::from(own.0), got: 1.0 - f64::from(own.1) };
         for neighbour in [[x + STRIDE, y], [x, y + STRIDE]] {
             if let Some(other) = shown.get(&neighbour) {
                 differences.push((f64::from(other.0 - own.0), f64::from(other.1 - own.1)));
@@ -84,18 +85,20 @@ pub(crate) fn shadow(truth: &Truth, got: &Composite, radii: impl Fn([usize; 2]) 
     Some(ShadowFigures { rms, gradient_correlation: correlation(&differences), darkening })
 }
 
+/// Returns the Pearson correlation; 0 without variance, `None` with fewer than two pairs.
 fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
     let count = pairs.len() as f64;
-    let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+    let mean = |value: fn(&(f64, f64)) -> f64| pairs.iter().map(value).sum::<f64>() / count;
     let (a, b) = (mean(|p| p.0), mean(|p| p.1));
-    let moment = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|p| of(p.0 - a, p.1 - b)).sum::<f64>();
+    let moment = |value: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|p| value(p.0 - a, p.1 - b)).sum::<f64>();
     let spread = (moment(&|a, _| a * a) * moment(&|_, b| b * b)).sqrt();
-    // A shadow that is the same everywhere says nothing of where it falls.
+    // A uniform shadow carries no information on its position.
     (count >= 2.0).then(|| if spread > 0.0 { moment(&|a, b| a * b) / spread } else { 0.0 })
 }
 
-/// The direction from which most light comes: of the main light, or where nothing stands out, of the vector irradiance; and the main
-/// light's power.
+/// Returns the direction and power of the main light.
+///
+/// Without a main light, returns the direction of the vector irradiance and no power.
 fn dominant(map: &RadianceImage) -> Option<(Vec3, Option<f32>)> {
     if let Some(light) = main_light(map) {
         return Some((Vec3::from(light.direction), Some(luminance(light.power))));
@@ -108,8 +111,8 @@ fn dominant(map: &RadianceImage) -> Option<(Vec3, Option<f32>)> {
     Some((sum.try_normalize()?, None))
 }
 
-/// Of two panoramas in one frame: angle between the dominant lights in degrees, and by how many powers of two the main lights' powers differ.
-pub(crate) fn lights(truth: &RadianceImage, got: &RadianceImage) -> Option<(f64, Option<f64>)> {
+/// Compares the dominant lights of two panoramas in one frame: angle in degrees, |log₂| of the ratio of powers.
+pub(crate) fn dominant_lights(truth: &RadianceImage, got: &RadianceImage) -> Option<(f64, Option<f64>)> {
     let ((a, power_a), (b, power_b)) = (dominant(truth)?, dominant(got)?);
     let ratio = power_a.zip(power_b).map(|(a, b)| f64::from(b / a).log2().abs());
     Some((f64::from(a.angle_between(b)).to_degrees(), ratio.filter(|ratio| ratio.is_finite())))
@@ -122,7 +125,7 @@ mod tests {
 
     use super::*;
 
-    /// A picture of 16 × 16 pixels; its right half is an object.
+    /// Returns an image of 16 × 16 pixels; its right half is an object.
     fn picture(object: f32, shadow: impl Fn(usize, usize) -> f32) -> Composite {
         Composite {
             image: Photo::Linear(RadianceImage::from_fn(16, 16, |_, _| [1.0; 3])),
@@ -134,11 +137,11 @@ mod tests {
         }
     }
 
-    fn truth() -> Truth {
+    fn truth() -> ObjectTruth {
         let pixels = || (0..16).step_by(STRIDE).flat_map(|y| (0..16).step_by(STRIDE).map(move |x| [x, y]));
         let object = pixels().filter(|[x, _]| *x >= 8).map(|pixel| (pixel, [2.0; 3])).collect();
         let shadow = pixels().filter(|[x, _]| *x < 8).map(|[x, y]| ([x, y], [1.0 - 0.05 * x as f32; 3])).collect();
-        Truth { object, shadow }
+        ObjectTruth { object, shadow }
     }
 
     #[test]
@@ -146,11 +149,11 @@ mod tests {
         let truth = truth();
         let same = picture(2.0, |x, _| 1.0 - 0.05 * x as f32);
         assert!(object(&truth, &same).unwrap().iter().all(|error| *error < 1e-6));
-        // The foot is in the corner, a radius is 6 pixels: columns 0, 3 and 6 within √(x² + y²) ≤ 6.
+        // The base is in the corner, a radius is 6 pixels: columns 0, 3 and 6 within √(x² + y²) ≤ 6.
         let radii = |[x, y]: [usize; 2]| (x as f32).hypot(y as f32) / 6.0;
         let figures = shadow(&truth, &same, radii).unwrap();
         let [near, far] = figures.darkening;
-        // Rows 0, 3 and 6 have 3, 2 and 1 pixels of them, of 6 rows with 0 + 0.15 + 0.3 each.
+        // Rows 0, 3 and 6 have 3, 2 and 1 near pixels; each of 6 rows sums to 0 + 0.15 + 0.3.
         assert!(
             (near.truth - (0.45 + 0.15)).abs() < 1e-5 && (far.truth - (6.0 * 0.45 - 0.6)).abs() < 1e-5,
             "{near:?} {far:?}"
@@ -175,13 +178,13 @@ mod tests {
                 [if angle < 0.2 { radiance } else { 0.1 }; 3]
             })
         };
-        let (angle_deg, ratio) = lights(&map(Vec3::Y, 8.0), &map(Vec3::X, 32.0)).unwrap();
+        let (angle_deg, ratio) = dominant_lights(&map(Vec3::Y, 8.0), &map(Vec3::X, 32.0)).unwrap();
         assert!((angle_deg - 90.0).abs() < 1.0 && (ratio.unwrap() - 2.0).abs() < 0.1, "{angle_deg} {ratio:?}");
-        // Nothing stands out: half of the sphere is brighter.
+        // No main light: half of the sphere is brighter.
         let half = RadianceImage::from_fn(64, 32, |x, y| {
             [if pixel_direction(x, y, 64, 32).dot(Vec3::X) > 0.0 { 1.2 } else { 1.0 }; 3]
         });
-        let (angle_deg, ratio) = lights(&map(Vec3::X, 8.0), &half).unwrap();
+        let (angle_deg, ratio) = dominant_lights(&map(Vec3::X, 8.0), &half).unwrap();
         assert!(angle_deg < 1.0 && ratio.is_none(), "{angle_deg}");
     }
 }

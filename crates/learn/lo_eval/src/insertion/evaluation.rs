@@ -1,4 +1,4 @@
-//! All methods in all rooms.
+//! Evaluates all methods in all rooms of the insertion protocol.
 
 use std::sync::Arc;
 
@@ -11,24 +11,25 @@ use lo_geometry::Vec3;
 use lo_imaging::{Image, Photo, linear_from_srgb8, srgb8_from_linear};
 use lo_insert::{Align, Base, Composite, InsertError, Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{MeshError, PreparedModel};
+use lo_scene::Estimate;
 use lo_synth::{CameraPose, Weather};
 
 use super::compare::{self, Darkening};
-use super::method::{InsertionMethod, Lit};
-use super::objects::Kind;
-use super::places::{Place, places};
-use super::truth::{STRIDE, TrueRoom, Truth};
+use super::footprints::{Footprint, footprints};
+use super::method::{InsertionMethod, ObjectLighting};
+use super::objects::TestObject;
+use super::truth::{ObjectTruth, STRIDE, TrueRoom};
 use crate::method::{estimate_scene, in_photo_frame};
 use crate::sheet::NOTHING;
 use crate::{Cost, DepthInput, MethodError, Outcome, Report, Scores, Sheet, Summary, Tools, memory};
 
-/// Rooms without a place for an object are passed over, at most so many for each that is wanted.
-const MAX_PASSED: u64 = 4;
+/// Largest number of rooms to generate per requested room: rooms without footprints are skipped.
+const MAX_ROOMS_PER_REQUESTED: u64 = 4;
 
-/// Edge of the sheet's pictures in pixels of the photo, as a share of its width.
+/// Edge of the contact sheet's crops as a share of the photo's width.
 const TILE_SHARE: f32 = 0.4;
 
-/// Objects in generated rooms.
+/// Evaluation of objects in generated rooms.
 pub struct InsertionEvaluation<'a> {
     generator: Generator,
     seed: u64,
@@ -37,38 +38,40 @@ pub struct InsertionEvaluation<'a> {
     tools: Tools<'a>,
     quality: Quality,
     truths: Option<PathBuf>,
-    objects: Vec<Object>,
+    objects: Vec<PreparedObject>,
 }
 
-/// What is put into the rooms.
-struct Object {
-    kind: Kind,
+/// A test object, ready for insertion.
+struct PreparedObject {
+    kind: TestObject,
     model: PreparedModel,
     base: Base,
 }
 
-/// One room with what is true of it.
+/// A room with its references.
 struct Room {
     sample: Sample,
     condition: &'static str,
-    places: Vec<Place>,
+    footprints: Vec<Footprint>,
     camera: CameraPose,
-    /// Of each place, of each object.
-    truths: Vec<Vec<Truth>>,
+    /// Footprint → object → reference.
+    truths: Vec<Vec<ObjectTruth>>,
 }
 
-/// What the networks make of a room's photo and of one kind of depth.
+/// A scene estimated by the networks from a room's photo and one depth input.
 struct Estimated {
     input: Option<DepthInput>,
-    estimate: Result<Arc<lo_scene::Estimate>, String>,
+    estimate: Result<Arc<Estimate>, String>,
     seconds: f64,
 }
 
 impl<'a> InsertionEvaluation<'a> {
-    /// Objects in the first `rooms` rooms of a generator that have a place for them. Without `methods`: all of them.
+    /// Prepares an evaluation of the first `rooms` rooms of a generator that have footprints.
+    ///
+    /// If `methods` is empty, selects all.
     ///
     /// # Errors
-    /// Of meshes that are too large, as the objects are not.
+    /// Oversized meshes; does not occur.
     pub fn new(
         generator: Generator,
         seed: u64,
@@ -78,29 +81,29 @@ impl<'a> InsertionEvaluation<'a> {
         quality: Quality,
     ) -> Result<Self, MeshError> {
         let methods = if methods.is_empty() { InsertionMethod::ALL.to_vec() } else { methods.to_vec() };
-        let objects = Kind::ALL.into_iter().map(|kind| {
+        let objects = TestObject::ALL.into_iter().map(|kind| {
             let model = PreparedModel::new(kind.model()?);
-            Ok(Object { kind, base: Base::new(&model), model })
+            Ok(PreparedObject { kind, base: Base::new(&model), model })
         });
         let objects = objects.collect::<Result<_, _>>()?;
         Ok(Self { generator, seed, rooms, methods, tools, quality, truths: None, objects })
     }
 
-    /// Keeps what is path traced in a folder, and takes it from there where it is: the same seed and configuration give the same.
+    /// Caches the path-traced references in a folder. Use one folder per seed and configuration.
     #[must_use]
-    pub fn keeping_truths(self, folder: PathBuf) -> Self {
+    pub fn with_truth_cache(self, folder: PathBuf) -> Self {
         Self { truths: Some(folder), ..self }
     }
 
-    /// Evaluates room after room; `rows` places are on the sheet.
+    /// Evaluates all rooms; `rows` rooms are on the contact sheet.
     ///
-    /// Where the handler asks for the end or a room cannot be made, the report says so and holds the figures so far.
+    /// If the handler cancels or a room cannot be generated, the report holds the figures so far and the reason.
     pub fn run(&self, rows: usize, on_event: OnEvent<'_>) -> Report {
         let rows: Vec<usize> = evenly_spread(self.rooms, rows).collect();
         let (mut summary, mut sheet) = (Summary::default(), Sheet::default());
         let (mut done, mut unreadable, mut index) = (0, None, 0);
         let mut steps = Steps::begin(on_event, Stage::EvaluatePhotos, self.rooms);
-        while done < self.rooms && index < MAX_PASSED * self.rooms as u64 && !steps.cancelled() {
+        while done < self.rooms && index < MAX_ROOMS_PER_REQUESTED * self.rooms as u64 && !steps.cancelled() {
             let room = match self.room(index) {
                 Ok(room) => room,
                 Err(error) => {
@@ -110,16 +113,16 @@ impl<'a> InsertionEvaluation<'a> {
             };
             index += 1;
             let Some(room) = room else { continue };
-            let mut pictures = vec![room.tile(|pixel| Some(room.true_picture(pixel)))];
+            let mut pictures = vec![room.tile(|pixel| Some(room.reference_pixel(pixel)))];
             let mut estimates: Vec<Estimated> = Vec::new();
             for &method in &self.methods {
                 let input = method.input();
-                let known = estimates.iter().position(|estimated| estimated.input == input);
-                let known = known.unwrap_or_else(|| {
-                    estimates.push(self.estimated(&room, input));
+                let cached = estimates.iter().position(|estimated| estimated.input == input);
+                let cached = cached.unwrap_or_else(|| {
+                    estimates.push(self.estimate(&room, input));
                     estimates.len() - 1
                 });
-                let (outcomes, shown) = self.outcomes(&room, method, &estimates[known]);
+                let (outcomes, shown) = self.outcomes(&room, method, &estimates[cached]);
                 outcomes.into_iter().for_each(|outcome| summary.add(outcome));
                 pictures.push(room.tile(|pixel| shown.as_ref().map(|composite| composite.image.linear_at(pixel))));
             }
@@ -136,48 +139,52 @@ impl<'a> InsertionEvaluation<'a> {
         Report { methods, summary, sheet, photos: done, asked: self.rooms, unreadable }
     }
 
-    /// Room `index` of the generator, where it has a place for an object.
+    /// Generates room `index`; `None` if it has no footprint.
     fn room(&self, index: u64) -> Result<Option<Room>, DatasetError> {
         let interior = self.generator.interior(index)?;
         let camera = interior.camera_poses(1)[0];
         let bare = PreparedModel::new(interior.world.model.clone());
-        let places = places(&interior, &bare, &camera, self.seed);
-        if places.is_empty() {
+        let footprints = footprints(&interior, &bare, &camera, self.seed);
+        if footprints.is_empty() {
             return Ok(None);
         }
         let (world, condition) = (interior.world.clone(), condition(interior.description.weather));
-        let middles = places.iter().map(|place| place.base_m + Vec3::Y * place.radius_m);
-        let record = self.generator.record_with_panoramas(index, interior, &camera, middles)?;
+        let centres = footprints.iter().map(|footprint| footprint.base_m + Vec3::Y * footprint.radius_m);
+        let record = self.generator.record_with_panoramas(index, interior, &camera, centres)?;
         let failed = |reason: String| DatasetError::Generate { scene_id: record.scene_id.clone(), reason };
-        let kept = self.truths.as_ref().map(|folder| folder.join(format!("{}.json", record.key)));
-        let truths = match kept.as_ref().and_then(|path| std::fs::read(path).ok()) {
+        let cache = self.truths.as_ref().map(|folder| folder.join(format!("{}.json", record.key)));
+        let truths = match cache.as_ref().and_then(|path| std::fs::read(path).ok()) {
             Some(bytes) => serde_json::from_slice(&bytes).map_err(|error| failed(error.to_string()))?,
             None => {
                 let room = TrueRoom::new(world, bare, camera, record.shots[0].gains, self.seed)
                     .map_err(|error| failed(error.to_string()))?;
-                let of_place = |place: &Place| {
-                    let of_object = |object: &Object| room.with(object.kind, object.model.model(), place);
-                    self.objects.iter().map(of_object).collect::<Result<Vec<Truth>, _>>()
+                let of_place = |footprint: &Footprint| {
+                    let of_object = |object: &PreparedObject| room.trace(object.kind, object.model.model(), footprint);
+                    self.objects.iter().map(of_object).collect::<Result<Vec<ObjectTruth>, _>>()
                 };
-                let truths: Vec<Vec<Truth>> =
-                    places.iter().map(of_place).collect::<Result<_, _>>().map_err(|error| failed(error.to_string()))?;
-                if let Some(path) = &kept {
+                let truths: Vec<Vec<ObjectTruth>> = footprints
+                    .iter()
+                    .map(of_place)
+                    .collect::<Result<_, _>>()
+                    .map_err(|error| failed(error.to_string()))?;
+                if let Some(path) = &cache {
                     let text = serde_json::to_vec(&truths).map_err(|error| failed(error.to_string()))?;
                     std::fs::write(path, text).map_err(|error| failed(error.to_string()))?;
                 }
                 truths
             }
         };
-        Ok(Some(Room { sample: record.sample(0), condition, places, camera, truths }))
+        Ok(Some(Room { sample: record.sample(0), condition, footprints, camera, truths }))
     }
 
-    fn estimated(&self, room: &Room, input: Option<DepthInput>) -> Estimated {
+    /// Estimates the scene of a room by the networks.
+    fn estimate(&self, room: &Room, input: Option<DepthInput>) -> Estimated {
         let begun = Instant::now();
         let estimate = estimate_scene(&room.sample, input, &self.tools).map_err(|error| error.to_string());
         Estimated { input, estimate, seconds: begun.elapsed().as_secs_f64() }
     }
 
-    /// One outcome for each place, and a picture of the first object at the first place.
+    /// Returns an outcome for each footprint, and the composite of the first object at the first footprint.
     fn outcomes(
         &self,
         room: &Room,
@@ -195,17 +202,19 @@ impl<'a> InsertionEvaluation<'a> {
         };
         let insertion = |error: &dyn std::error::Error| MethodError::Insertion(error.to_string());
         let estimate = estimated.estimate.as_ref().map_err(|reason| MethodError::Insertion(reason.clone()));
-        let lit = estimate.and_then(|estimate| Lit::new(method, &room.sample, estimate, &self.tools)).and_then(|lit| {
-            let inserter = lit.lighting().map(|lighting| Inserter::new(&lit.scene, lighting, self.quality));
-            Ok((inserter.transpose().map_err(|error| insertion(&error))?, lit))
-        });
+        let lit = estimate
+            .and_then(|estimate| ObjectLighting::new(method, &room.sample, estimate, &self.tools))
+            .and_then(|lit| {
+                let inserter = lit.lighting().map(|lighting| Inserter::new(&lit.scene, lighting, self.quality));
+                Ok((inserter.transpose().map_err(|error| insertion(&error))?, lit))
+            });
         let (inserter, lit) = match lit {
             Ok(lit) => lit,
             Err(error) => return (vec![outcome(0, Err(error), Cost::default())], None),
         };
         let mut outcomes = Vec::new();
-        for number in 0..room.places.len() {
-            memory::restart_peak();
+        for number in 0..room.footprints.len() {
+            memory::reset_peak();
             let begun = Instant::now();
             let figures = self.figures(room, number, &lit, inserter.as_ref(), &mut shown);
             let panorama_s = begun.elapsed().as_secs_f64();
@@ -215,16 +224,18 @@ impl<'a> InsertionEvaluation<'a> {
         (outcomes, shown)
     }
 
-    /// At one place, with the inserter of all places where there is one.
+    /// Scores all objects at one footprint.
+    ///
+    /// `inserter` is shared by all footprints; `None` if each footprint has its own light.
     fn figures(
         &self,
         room: &Room,
         number: usize,
-        lit: &Lit,
+        lit: &ObjectLighting,
         inserter: Option<&Inserter>,
         shown: &mut Option<Composite>,
     ) -> Result<Scores, InsertError> {
-        let (place, view) = (&room.places[number], &room.sample.views[number]);
+        let (footprint, view) = (&room.footprints[number], &room.sample.views[number]);
         let own;
         let inserter = match inserter {
             Some(inserter) => inserter,
@@ -235,14 +246,14 @@ impl<'a> InsertionEvaluation<'a> {
             }
         };
         let mut scores = Scores::default();
-        let [u, v] = place.pixel;
+        let [u, v] = footprint.pixel;
         let resting = Placement::rest_on_pixel(&lit.scene, u, v, Align::Gravity)?;
-        // As large in the picture as in truth, whatever the depth.
-        let true_m = room.camera.pose.rotation.inverse() * (place.base_m - room.camera.pose.position);
-        let scale = place.radius_m * resting.position_m.length() / true_m.length();
-        let radii = |pixel: [usize; 2]| place.radii_from_foot(&room.camera, pixel.map(|v| v as f64 + 0.5));
+        // Keep the true apparent size, whatever the estimated depth.
+        let true_m = room.camera.pose.rotation.inverse() * (footprint.base_m - room.camera.pose.position);
+        let scale = footprint.radius_m * resting.position_m.length() / true_m.length();
+        let radii = |pixel: [usize; 2]| footprint.radii_from_base(&room.camera, pixel.map(|v| v as f64 + 0.5));
         let (mut shadow_rms, mut correlations, mut darkening) = (Vec::new(), Vec::new(), [Darkening::default(); 2]);
-        for (Object { kind, model, base }, truth) in self.objects.iter().zip(&room.truths[number]) {
+        for (PreparedObject { kind, model, base }, truth) in self.objects.iter().zip(&room.truths[number]) {
             let placement = resting.scaled(scale).settled(&lit.scene, base);
             let composite = inserter.render(&[Instance::new(model, placement)], &mut lo_events::ignore)?;
             if let Some([rmse, si_rmse]) = compare::object(truth, &composite) {
@@ -257,7 +268,7 @@ impl<'a> InsertionEvaluation<'a> {
                 correlations.extend(figures.gradient_correlation);
                 darkening.iter_mut().zip(figures.darkening).for_each(|(sum, part)| *sum += part);
             }
-            if number == 0 && *kind == Kind::Diffuse {
+            if number == 0 && *kind == TestObject::Diffuse {
                 *shown = Some(composite);
             }
         }
@@ -270,9 +281,9 @@ impl<'a> InsertionEvaluation<'a> {
                 scores.add(format!("true_shadow_darkening_{zone}"), Some(truth));
             }
         }
-        let middle_m = resting.position_m + resting.up * scale;
-        let panorama = lit.panorama(middle_m, view);
-        if let Some((angle_deg, intensity)) = compare::lights(&in_photo_frame(view), &panorama) {
+        let centre_m = resting.position_m + resting.up * scale;
+        let panorama = lit.panorama(centre_m, view);
+        if let Some((angle_deg, intensity)) = compare::dominant_lights(&in_photo_frame(view), &panorama) {
             scores.add("dominant_deg", Some(angle_deg));
             scores.add("dominant_log2_intensity", intensity);
         }
@@ -280,7 +291,7 @@ impl<'a> InsertionEvaluation<'a> {
     }
 }
 
-/// What shines in: the rows of the tables by light.
+/// Returns the lighting condition of the tables.
 fn condition(weather: Weather) -> &'static str {
     match weather {
         Weather::Clear | Weather::Sunset => "sunny",
@@ -291,18 +302,18 @@ fn condition(weather: Weather) -> &'static str {
 }
 
 impl Room {
-    /// A square of the photo around the first place.
+    /// Renders a square crop around the first footprint.
     fn tile(&self, colour: impl Fn((usize, usize)) -> Option<[f32; 3]>) -> Image<[u8; 3]> {
         let (width, height) = (self.sample.photo.width(), self.sample.photo.height());
         let edge = ((TILE_SHARE * width as f32) as usize).min(height);
-        let start = |middle: f64, size: usize| (middle as usize).saturating_sub(edge / 2).min(size - edge);
-        let [u, v] = self.places[0].pixel;
+        let start = |centre: f64, size: usize| (centre as usize).saturating_sub(edge / 2).min(size - edge);
+        let [u, v] = self.footprints[0].pixel;
         let (left, top) = (start(u, width), start(v, height));
         Image::from_fn(edge, edge, |x, y| colour((left + x, top + y)).map_or(NOTHING, |rgb| rgb.map(srgb8_from_linear)))
     }
 
-    /// The photo with the first object's truth in it, where it is known.
-    fn true_picture(&self, (x, y): (usize, usize)) -> [f32; 3] {
+    /// Returns a pixel of the photo with the reference of the first object, where available.
+    fn reference_pixel(&self, (x, y): (usize, usize)) -> [f32; 3] {
         let truth = &self.truths[0][0];
         let near = |values: &[([usize; 2], [f32; 3])]| {
             let is_near =

@@ -1,11 +1,11 @@
-//! Objects in generated rooms: how they are lit, and what their shadows do, against the path-traced truth (`docs/evaluation.md`).
+//! Insertion protocol: shading and shadows of objects in generated rooms, against path tracing (`docs/evaluation.md`).
 
 mod compare;
 mod evaluation;
+mod footprints;
 mod method;
 mod objects;
-mod places;
 mod truth;
 
 pub use evaluation::InsertionEvaluation;
-pub use method::{InsertionMethod, Lamps};
+pub use method::{InsertionMethod, LampMode};

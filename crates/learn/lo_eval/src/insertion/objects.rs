@@ -1,22 +1,22 @@
-//! What is put into the rooms: spheres of radius 1, and a pole five times as high as that, standing on the origin.
+//! Test objects: spheres of radius 1, and a pole of height 5, on the origin.
 
 use std::f32::consts::TAU;
 
 use lo_geometry::Vec3;
 use lo_mesh::{LoadOptions, Material, MeshError, Model};
 
-/// Sides of the pole.
+/// Number of sides of the pole.
 const SIDES: u32 = 32;
 
-/// Radius and height of the pole, in radii of the spheres.
+/// Radius and height of the pole, in sphere radii.
 const POLE: (f32, f32) = (0.15, 5.0);
 
-/// Times that the triangles of a sphere are split: 20,480 triangles.
+/// Subdivisions of a sphere: 20,480 triangles.
 const SUBDIVISIONS: u32 = 5;
 
-/// Objects whose light is compared.
+/// An object whose shading and shadow are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum TestObject {
     /// A sphere of white plaster.
     Diffuse,
     /// A sphere of brushed metal.
@@ -27,10 +27,10 @@ pub(crate) enum Kind {
     Pole,
 }
 
-impl Kind {
+impl TestObject {
     pub const ALL: [Self; 4] = [Self::Diffuse, Self::Rough, Self::Mirror, Self::Pole];
 
-    /// For names of figures.
+    /// Returns the name used in figures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Diffuse => "diffuse",
@@ -40,20 +40,20 @@ impl Kind {
         }
     }
 
-    /// Whether its shadow is compared; those of the spheres differ but by the light that they throw back.
+    /// Returns whether its shadow is compared. Shadows of the spheres differ only by reflected light.
     pub fn casts(self) -> bool {
         matches!(self, Self::Diffuse | Self::Pole)
     }
 
-    /// Height in radii of the spheres.
+    /// Returns the height, in sphere radii.
     pub fn height(self) -> f32 {
         if self == Self::Pole { POLE.1 } else { 2.0 }
     }
 
-    /// The object, +Y up, on the origin.
+    /// Builds the mesh, +Y up, standing on the origin.
     ///
     /// # Errors
-    /// Of meshes that are too large, as these are not.
+    /// Oversized meshes; does not occur.
     pub fn model(self) -> Result<Model, MeshError> {
         let plaster =
             Material { base_color: [0.8, 0.8, 0.8, 1.0], metallic: 0.0, roughness: 1.0, ..Material::default() };
@@ -97,21 +97,21 @@ mod tests {
 
     #[test]
     fn objects_stand_on_the_origin_and_face_outwards() {
-        for kind in Kind::ALL {
+        for kind in TestObject::ALL {
             let model = kind.model().unwrap();
             let low = model.positions.iter().copied().reduce(Vec3::min).unwrap();
             let high = model.positions.iter().copied().reduce(Vec3::max).unwrap();
             assert!(low.y.abs() < 1e-3 && (high.y - kind.height()).abs() < 1e-3, "{kind:?}: {low} {high}");
-            let half_width = if kind == Kind::Pole { POLE.0 } else { 1.0 };
+            let half_width = if kind == TestObject::Pole { POLE.0 } else { 1.0 };
             assert!((high.x - half_width).abs() < 0.01, "{kind:?}: {high}");
-            // Divergence theorem: the volume is positive where triangles face outwards.
-            let of = |[a, b, c]: [u32; 3]| {
+            // Divergence theorem: the volume is positive if triangles face outwards.
+            let signed_volume = |[a, b, c]: [u32; 3]| {
                 let [a, b, c] = [a, b, c].map(|i| model.positions[i as usize]);
                 a.dot(b.cross(c)) / 6.0
             };
-            let volume: f32 = model.triangles.iter().map(|&triangle| of(triangle)).sum();
+            let volume: f32 = model.triangles.iter().map(|&triangle| signed_volume(triangle)).sum();
             let exact = match kind {
-                Kind::Pole => std::f32::consts::PI * POLE.0 * POLE.0 * POLE.1,
+                TestObject::Pole => std::f32::consts::PI * POLE.0 * POLE.0 * POLE.1,
                 _ => 4.0 / 3.0 * std::f32::consts::PI,
             };
             assert!((volume / exact - 1.0).abs() < 0.01, "{kind:?}: {volume} {exact}");

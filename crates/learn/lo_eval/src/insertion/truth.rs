@@ -1,4 +1,4 @@
-//! What objects look like in the true room, and what their shadows do: path traced.
+//! Path-traced reference: radiance of objects in the true room, and their shadows.
 
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::{Model, PreparedModel};
@@ -7,38 +7,39 @@ use lo_transport::{PathTracer, TransportError, World};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::objects::Kind;
-use super::places::{Place, normal};
+use super::footprints::{Footprint, normal};
+use super::objects::TestObject;
 
-/// One pixel of so many in each direction is compared.
+/// Every n-th pixel in each direction is compared.
 pub(crate) const STRIDE: usize = 3;
 
-/// Paths of each pixel of an object, and of each place of the floor with and without the object.
+/// Paths per pixel of an object, and per point of the floor with and without the object.
 const OBJECT_PATHS: u64 = 192;
 const FLOOR_PATHS: u64 = 128;
 
-/// The paths of an object's pixel are taken in so many parts, of which the middle half counts: some paths meet lamps behind shades by chance.
+/// Groups of an object pixel's paths. Only the middle half by brightness counts: some paths hit lamps in shades by
+/// chance (fireflies).
 const PARTS: u64 = 8;
 
-/// The shadow is compared within so many radii of the base.
+/// Distance from the base within which the shadow is compared, radii.
 const REACH: f32 = 6.0;
 
-/// The surface that carries the object: metres above and below the base.
+/// Height tolerance of the supporting surface, metres.
 const SUPPORT_M: f32 = 0.02;
 
-/// Farther than any way in a room.
+/// Length of rays, metres: longer than any room.
 const FAR_M: f32 = 1e3;
 
-/// What is true at one place for one object.
+/// Reference for one object at one footprint.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Truth {
-    /// Pixels that show nothing but the object, and its radiance there in units of the photo's white.
+pub(crate) struct ObjectTruth {
+    /// Pixels fully covered by the object, and its radiance in units of the photo's white.
     pub object: Vec<([usize; 2], [f32; 3])>,
-    /// Pixels that show the surface on which it stands, and irradiance there with the object over that without it; black is 1.
+    /// Pixels of the supporting surface, and the ratio of irradiance with the object to that without; 1 if unlit.
     pub shadow: Vec<([usize; 2], [f32; 3])>,
 }
 
-/// The true room of one photo.
+/// The path-traced room of one photo.
 pub(crate) struct TrueRoom {
     world: World,
     bare: PreparedModel,
@@ -49,10 +50,12 @@ pub(crate) struct TrueRoom {
 }
 
 impl TrueRoom {
-    /// The room that the photo of this camera shows, `bare` being its model; its radiance times `gains` is in units of the photo's white.
+    /// Prepares the room seen by a camera; `bare` is its model without objects.
+    ///
+    /// Radiance times `gains` is in units of the photo's white.
     ///
     /// # Errors
-    /// Rooms that light transport refuses.
+    /// Rooms that the path tracer rejects.
     pub fn new(
         world: World,
         bare: PreparedModel,
@@ -64,19 +67,24 @@ impl TrueRoom {
         Ok(Self { world, bare, empty, view, gains, seed })
     }
 
-    /// Light on an object and in its shadow.
+    /// Traces an object and its shadow.
     ///
     /// # Errors
-    /// Rooms that light transport refuses.
-    pub fn with(&self, kind: Kind, object: &Model, place: &Place) -> Result<Truth, TransportError> {
+    /// Rooms that the path tracer rejects.
+    pub fn trace(
+        &self,
+        kind: TestObject,
+        object: &Model,
+        footprint: &Footprint,
+    ) -> Result<ObjectTruth, TransportError> {
         let first = self.world.model.triangles.len() as u32;
         let mut world = self.world.clone();
-        append(&mut world.model, object, place);
+        append(&mut world.model, object, footprint);
         let full = PreparedModel::new(world.model.clone());
         let tracer = PathTracer::new(world, self.seed)?;
         let shows_object =
             |x: f32, y: f32| full.intersect_both_sides(&self.ray(x, y), FAR_M).is_some_and(|hit| hit.triangle >= first);
-        let [from, to] = self.window(place, kind);
+        let [from, to] = self.window(footprint, kind);
         let (mut object, mut floor) = (Vec::new(), Vec::new());
         let rows = (from[1]..to[1]).step_by(STRIDE);
         for [x, y] in rows.flat_map(|y| (from[0]..to[0]).step_by(STRIDE).map(move |x| [x, y])) {
@@ -85,7 +93,7 @@ impl TrueRoom {
             if shown == [true; 5] {
                 object.push([x, y]);
             } else if shown == [false; 5] && kind.casts() {
-                floor.extend(self.support(x as f32 + 0.5, y as f32 + 0.5, place).map(|point| ([x, y], point)));
+                floor.extend(self.support(x as f32 + 0.5, y as f32 + 0.5, footprint).map(|point| ([x, y], point)));
             }
         }
         let start = |i: usize, paths: u64| i as u64 * paths;
@@ -98,33 +106,33 @@ impl TrueRoom {
             };
             let mut parts: Vec<Vec3> = (0..PARTS).map(part).collect();
             parts.sort_by(|a, b| a.element_sum().total_cmp(&b.element_sum()));
-            // The middle half.
+            // Mean of the middle half.
             let quarter = parts.len() / 4;
             let middle = &parts[quarter..parts.len() - quarter];
             let mean = middle.iter().sum::<Vec3>() / (middle.len() as u64 * (OBJECT_PATHS / PARTS)) as f32;
             ([x, y], (mean * Vec3::from(self.gains)).to_array())
         };
         let object = object.par_iter().enumerate().map(radiance).collect();
-        // The same paths with and without the object: chance is the same where it is not in the way.
+        // The same random paths with and without the object, so that noise cancels where it occludes nothing.
         let ratio = |(i, &(pixel, point)): (usize, &([usize; 2], Vec3))| {
-            let of = |tracer: &PathTracer| -> Vec3 {
+            let irradiance = |tracer: &PathTracer| -> Vec3 {
                 let paths = (0..FLOOR_PATHS).map(|k| start(i, FLOOR_PATHS) + k);
                 paths.map(|index| Vec3::from(tracer.irradiance_by_path(point, Vec3::Y, index))).sum()
             };
-            let (with, without) = (of(&tracer).to_array(), of(&self.empty).to_array());
+            let (with, without) = (irradiance(&tracer).to_array(), irradiance(&self.empty).to_array());
             let ratio = |c: usize| if without[c] > 0.0 { with[c] / without[c] } else { 1.0 };
             (pixel, [ratio(0), ratio(1), ratio(2)])
         };
         let shadow = floor.par_iter().enumerate().map(ratio).collect();
-        Ok(Truth { object, shadow })
+        Ok(ObjectTruth { object, shadow })
     }
 
-    /// Pixels in which the object and its shadow are compared: from, to.
-    fn window(&self, place: &Place, kind: Kind) -> [[usize; 2]; 2] {
+    /// Returns the window of pixels to compare: first, end.
+    fn window(&self, footprint: &Footprint, kind: TestObject) -> [[usize; 2]; 2] {
         let camera = &self.view.camera;
-        let axis_m = (place.base_m - self.view.pose.position).dot(self.view.pose.rotation * Vec3::NEG_Z);
-        let radius_px = camera.fx * f64::from(place.radius_m / axis_m);
-        let [u, v] = place.pixel;
+        let axis_m = (footprint.base_m - self.view.pose.position).dot(self.view.pose.rotation * Vec3::NEG_Z);
+        let radius_px = camera.fx * f64::from(footprint.radius_m / axis_m);
+        let [u, v] = footprint.pixel;
         let reach = f64::from(REACH) * radius_px;
         let above = f64::from(kind.height().max(REACH)) * radius_px;
         let clamp = |value: f64, most: u32| value.clamp(0.0, f64::from(most)) as usize;
@@ -134,27 +142,28 @@ impl TrueRoom {
         ]
     }
 
+    /// Returns the camera ray through a pixel.
     fn ray(&self, u: f32, v: f32) -> Ray {
         let direction = self.view.camera.direction(f64::from(u), f64::from(v));
         Ray { origin: self.view.pose.position, direction: (self.view.pose.rotation * direction).normalize() }
     }
 
-    /// The place of the carrying surface that a pixel shows.
-    fn support(&self, u: f32, v: f32, place: &Place) -> Option<Vec3> {
+    /// Returns the point of the supporting surface at a pixel; `None` if the pixel shows something else.
+    fn support(&self, u: f32, v: f32, footprint: &Footprint) -> Option<Vec3> {
         let ray = self.ray(u, v);
         let hit = self.bare.intersect_both_sides(&ray, FAR_M)?;
         let point = ray.origin + ray.direction * hit.distance_m;
-        let near = (point.y - place.base_m.y).abs() < SUPPORT_M
-            && (point - place.base_m).length() < REACH * place.radius_m
+        let near = (point.y - footprint.base_m.y).abs() < SUPPORT_M
+            && (point - footprint.base_m).length() < REACH * footprint.radius_m
             && normal(&self.bare, hit.triangle).y.abs() > 0.99;
         near.then_some(point + Vec3::Y * 1e-3)
     }
 }
 
-/// Puts an object on a place of a room.
-fn append(room: &mut Model, object: &Model, place: &Place) {
+/// Adds an object to a room at a footprint.
+fn append(room: &mut Model, object: &Model, footprint: &Footprint) {
     let (vertices, materials) = (room.positions.len() as u32, room.materials.len() as u32);
-    room.positions.extend(object.positions.iter().map(|&p| place.base_m + p * place.radius_m));
+    room.positions.extend(object.positions.iter().map(|&p| footprint.base_m + p * footprint.radius_m));
     room.normals.extend(&object.normals);
     if !room.tangents.is_empty() {
         room.tangents.resize(room.positions.len(), [1.0, 0.0, 0.0, 1.0]);
@@ -180,7 +189,7 @@ mod tests {
 
     use super::*;
 
-    /// A grey floor under a sky of radiance 1 all around, seen from above.
+    /// Returns a grey floor under a uniform sky of radiance 1, seen from above.
     fn open_floor() -> TrueRoom {
         let corners = [(-20.0, -20.0), (-20.0, 20.0), (20.0, 20.0), (20.0, -20.0)];
         let positions = corners.map(|(x, z)| Vec3::new(x, 0.0, z)).to_vec();
@@ -196,28 +205,28 @@ mod tests {
         TrueRoom::new(world, bare, CameraPose { pose, camera }, [1.0, 2.0, 0.5], 3).unwrap()
     }
 
-    fn place() -> Place {
+    fn footprint() -> Footprint {
         let room = open_floor();
         let base_m = Vec3::new(0.05, 0.0, -0.1);
         let local = room.view.pose.rotation.inverse() * (base_m - room.view.pose.position);
         let (u, v, _) = room.view.camera.project(local).unwrap();
-        Place { pixel: [u, v], base_m, radius_m: 0.2 }
+        Footprint { pixel: [u, v], base_m, radius_m: 0.2 }
     }
 
     #[test]
     fn a_black_sphere_takes_from_the_floor_what_it_hides_of_the_sky() {
-        let (room, place) = (open_floor(), place());
-        let mut black = Kind::Diffuse.model().unwrap();
+        let (room, footprint) = (open_floor(), footprint());
+        let mut black = TestObject::Diffuse.model().unwrap();
         black.materials[0].base_color = [0.0, 0.0, 0.0, 1.0];
-        let truth = room.with(Kind::Diffuse, &black, &place).unwrap();
+        let truth = room.trace(TestObject::Diffuse, &black, &footprint).unwrap();
         assert!(truth.shadow.len() > 100 && truth.object.len() > 20, "{} {}", truth.shadow.len(), truth.object.len());
         let mut sum = 0.0;
         for ([x, y], ratio) in &truth.shadow {
-            let point = room.support(*x as f32 + 0.5, *y as f32 + 0.5, &place).unwrap();
-            // Form factor of a sphere above the horizon: cos θ (R / d)². Its gloss gives back a little.
-            let centre_m = place.base_m + Vec3::Y * place.radius_m;
+            let point = room.support(*x as f32 + 0.5, *y as f32 + 0.5, &footprint).unwrap();
+            // Form factor of a sphere above the horizon: cos θ (R / d)². Its specular reflection adds a little light.
+            let centre_m = footprint.base_m + Vec3::Y * footprint.radius_m;
             let distance_m = (centre_m - point).length();
-            let expected = 1.0 - place.radius_m / distance_m * (place.radius_m / distance_m).powi(2);
+            let expected = 1.0 - footprint.radius_m / distance_m * (footprint.radius_m / distance_m).powi(2);
             assert!((ratio[1] - expected).abs() < 0.2, "{ratio:?} {expected}");
             sum += ratio[1] - expected;
         }
@@ -227,10 +236,10 @@ mod tests {
 
     #[test]
     fn a_mirror_shows_the_sky_in_units_of_the_photo() {
-        let (room, place) = (open_floor(), place());
-        let truth = room.with(Kind::Mirror, &Kind::Mirror.model().unwrap(), &place).unwrap();
+        let (room, footprint) = (open_floor(), footprint());
+        let truth = room.trace(TestObject::Mirror, &TestObject::Mirror.model().unwrap(), &footprint).unwrap();
         assert!(truth.shadow.is_empty());
-        // 0.8 at normal incidence, more towards the edge; what mirrors the floor has half of it.
+        // Reflectance 0.8 at normal incidence, more towards the edge; reflections of the floor have half of it.
         let of_sky = truth.object.iter().filter(|(_, rgb)| rgb[0] > 0.7).count();
         assert!(of_sky * 4 > truth.object.len(), "{of_sky} of {}", truth.object.len());
         for (_, rgb) in &truth.object {

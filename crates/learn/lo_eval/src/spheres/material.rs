@@ -3,7 +3,7 @@ use std::f32::consts::FRAC_1_PI;
 use lo_bsdf::{DIELECTRIC_F0, Ggx, grazing};
 use lo_geometry::Vec3;
 
-/// What a sphere is made of, as Blender 3.6's Principled BSDF takes it; colourless.
+/// Colourless material of a sphere, with the parameters of Blender 3.6's Principled BSDF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Material {
     /// A perfect mirror.
@@ -18,14 +18,16 @@ pub enum Material {
         /// Perceptual roughness.
         roughness: f32,
     },
-    /// Burley's diffuse (2012) under a GGX layer with the reflectance 0.04 (Principled's `specular` 0.5), which takes nothing from what is below it.
+    /// Burley's diffuse (2012) plus a GGX layer of reflectance 0.04 (Principled's `specular` 0.5).
+    ///
+    /// The layer does not attenuate the diffuse part.
     Plastic {
         /// Base colour.
         albedo: f32,
-        /// Perceptual roughness of both.
+        /// Perceptual roughness of both parts.
         roughness: f32,
     },
-    /// Lambert's.
+    /// Lambertian diffuse.
     Diffuse {
         /// Albedo.
         albedo: f32,
@@ -33,8 +35,10 @@ pub enum Material {
 }
 
 impl Material {
-    /// The broad part of the BRDF times the cosine of the light direction, per steradian; unit vectors, `view` and `light` away from the surface.
-    pub(super) fn broad(self, normal: Vec3, view: Vec3, light: Vec3) -> f32 {
+    /// Returns the diffuse part of the BRDF times the cosine of the light direction, per steradian.
+    ///
+    /// Unit vectors; `view` and `light` point away from the surface.
+    pub(super) fn diffuse(self, normal: Vec3, view: Vec3, light: Vec3) -> f32 {
         let (n_l, n_v) = (normal.dot(light), normal.dot(view));
         if n_l <= 0.0 || n_v <= 0.0 {
             return 0.0;
@@ -51,7 +55,7 @@ impl Material {
         }
     }
 
-    /// The glossy part of the BRDF times the cosine of the light direction, per steradian; a mirror has none that could be stated.
+    /// Returns the glossy part of the BRDF times the cosine of the light direction, per steradian; 0 for a mirror.
     pub(super) fn glossy(self, normal: Vec3, view: Vec3, light: Vec3) -> f32 {
         let (f0, roughness) = match self {
             Self::Metal { reflectance, roughness } => (reflectance, roughness),
@@ -61,12 +65,12 @@ impl Material {
         if normal.dot(view) <= 0.0 {
             return 0.0;
         }
-        let (mirrors, v_dot_h) = Ggx::from_roughness(roughness).reflection_cos(normal, view, light);
-        mirrors * reflectance(f0, v_dot_h)
+        let (specular, v_dot_h) = Ggx::from_roughness(roughness).reflection_cos(normal, view, light);
+        specular * reflectance(f0, v_dot_h)
     }
 
-    /// Reflectance of a mirror seen under this cosine.
-    pub(super) fn mirrored(self, n_v: f32) -> f32 {
+    /// Returns the reflectance of a mirror at this cosine of the view angle; 0 for other materials.
+    pub(super) fn mirror_reflectance(self, n_v: f32) -> f32 {
         match self {
             Self::Mirror { reflectance: f0 } => reflectance(f0, n_v),
             Self::Metal { .. } | Self::Plastic { .. } | Self::Diffuse { .. } => 0.0,
@@ -74,7 +78,7 @@ impl Material {
     }
 }
 
-/// Schlick's Fresnel term of a colourless surface.
+/// Returns Schlick's Fresnel reflectance.
 fn reflectance(f0: f32, cosine: f32) -> f32 {
     f0 + (1.0 - f0) * grazing(cosine)
 }

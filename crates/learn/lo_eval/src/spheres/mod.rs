@@ -1,7 +1,7 @@
-//! Spheres under a panorama.
+//! Spheres lit by a panorama.
 //!
-//! What a sphere looks like is a linear function of the light around it: a [`Transport`] holds it for one object and one view, made once, and
-//! shows the object under any panorama in milliseconds, always with the same error.
+//! The image of a sphere is a linear function of distant light. A [`Transport`] stores this function for one object and
+//! view. It is computed once and renders the object under any panorama in milliseconds.
 
 mod array;
 mod material;

@@ -4,36 +4,36 @@ use rayon::prelude::*;
 use super::Material;
 use super::transport::{Row, Transport};
 
-/// From where a sphere of radius 1 at the origin is looked at.
+/// Camera that looks at a sphere of radius 1 at the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SphereView {
-    /// The eye, radii; it looks at the sphere's centre, +Y is up.
+    /// Position of the camera, radii. It looks at the sphere's centre; +Y is up.
     pub eye: Vec3,
     /// Focal length in pixels.
     pub focal_px: f32,
 }
 
-/// Pixels a side that share a sample of rough and diffuse spheres, on which light changes slowly.
+/// Side of the pixel blocks of rough and diffuse spheres that share one sample, since shading varies slowly.
 const STEP: usize = 4;
 
 /// Samples along the side of a mirror's pixel.
 const SAMPLES: usize = 2;
 
-/// Panorama that mirrors are looked up in, and those that a BSDF is integrated over: texels of 1.4°, 2.8° and 7.5°.
-const MIRRORED: [usize; 2] = [256, 128];
+/// Sizes of the panoramas for mirrors, glossy and diffuse reflection: texels of 1.4°, 2.8° and 7.5°.
+const MIRROR: [usize; 2] = [256, 128];
 const GLOSSY: [usize; 2] = [128, 64];
-const BROAD: [usize; 2] = [48, 24];
+const DIFFUSE: [usize; 2] = [48, 24];
 
-/// Entries of a glossy BSDF that carry less than this share of it are left out; the others carry their part.
+/// Smallest share of a glossy BSDF entry. Smaller entries are dropped, and the others are scaled up to compensate.
 const MIN_SHARE: f32 = 2e-6;
 
 impl SphereView {
-    /// Half of the sphere's picture in pixels: radius of the silhouette.
+    /// Returns the radius of the silhouette, pixels.
     fn radius_px(self) -> f32 {
         self.focal_px / (self.eye.length_squared() - 1.0).sqrt()
     }
 
-    /// Point of the sphere seen `(right, up)` pixels from the middle of the picture.
+    /// Returns the point of the sphere at `(right, up)` pixels from the centre of the image.
     fn hit(self, right_px: f32, up_px: f32) -> Option<Vec3> {
         let forward = -self.eye.normalize();
         let right = forward.cross(Vec3::Y).normalize_or(Vec3::X);
@@ -45,18 +45,20 @@ impl SphereView {
     }
 }
 
-/// What a view of a sphere shows under distant light. A mirror has every pixel; others have one for each square of 4 × 4.
+/// Computes the transport of a sphere under distant light.
+///
+/// Mirrors have every pixel, other materials one for each block of 4 × 4.
 pub fn single_sphere(material: Material, view: SphereView) -> Transport {
     let step = if matches!(material, Material::Mirror { .. }) { 1 } else { STEP };
     let side = (2.0 * view.radius_px() / step as f32).ceil() as usize;
-    let maps = if step == 1 { vec![MIRRORED] } else { vec![GLOSSY, BROAD] };
+    let maps = if step == 1 { vec![MIRROR] } else { vec![GLOSSY, DIFFUSE] };
     let pixel = |index: usize| {
-        let place = [(index % side) as u16, (index / side) as u16];
+        let position = [(index % side) as u16, (index / side) as u16];
         let at = |x: f32, y: f32| {
             let middle = 0.5 * side as f32;
             view.hit((x - middle) * step as f32, (middle - y) * step as f32)
         };
-        let (x, y) = (f32::from(place[0]), f32::from(place[1]));
+        let (x, y) = (f32::from(position[0]), f32::from(position[1]));
         let entries = if step == 1 {
             let offsets = (0..SAMPLES * SAMPLES).map(|i| [i % SAMPLES, i / SAMPLES]);
             let shift = |i: usize| (i as f32 + 0.5) / SAMPLES as f32;
@@ -65,15 +67,15 @@ pub fn single_sphere(material: Material, view: SphereView) -> Transport {
         } else {
             at(x + 0.5, y + 0.5).map(|normal| bsdf_entries(material, view, normal)).unwrap_or_default()
         };
-        (!entries.is_empty()).then_some(Row { place, entries })
+        (!entries.is_empty()).then_some(Row { position, entries })
     };
     let rows: Vec<Row> = (0..side * side).into_par_iter().filter_map(pixel).collect();
     Transport::new(maps, [side, side], rows)
 }
 
-/// Bilinear lookups where the mirror's pixel looks.
+/// Returns bilinear lookups in the mirrored directions of a pixel.
 fn mirror_entries(material: Material, view: SphereView, normals: &[Vec3]) -> Vec<(u16, f32)> {
-    let [width, height] = MIRRORED;
+    let [width, height] = MIRROR;
     let mut entries = Vec::with_capacity(4 * normals.len());
     for &normal in normals {
         let towards = (view.eye - normal).normalize();
@@ -81,7 +83,7 @@ fn mirror_entries(material: Material, view: SphereView, normals: &[Vec3]) -> Vec
         let uv = uv_from_direction(direction);
         let (x, y) = (uv.x * width as f32 - 0.5, uv.y * height as f32 - 0.5);
         let (fx, fy) = (x - x.floor(), y - y.floor());
-        let weight = material.mirrored(normal.dot(towards)) / normals.len() as f32;
+        let weight = material.mirror_reflectance(normal.dot(towards)) / normals.len() as f32;
         for (dx, dy, share) in
             [(0, 0, (1.0 - fx) * (1.0 - fy)), (1, 0, fx * (1.0 - fy)), (0, 1, (1.0 - fx) * fy), (1, 1, fx * fy)]
         {
@@ -93,7 +95,7 @@ fn mirror_entries(material: Material, view: SphereView, normals: &[Vec3]) -> Vec
     entries
 }
 
-/// The BRDF over all directions: the glossy part over the finer panorama, the broad one over the coarser.
+/// Integrates the BRDF over all directions: the glossy part on the finer panorama, the diffuse part on the coarser.
 fn bsdf_entries(material: Material, view: SphereView, normal: Vec3) -> Vec<(u16, f32)> {
     let towards = (view.eye - normal).normalize();
     let mut entries = integrate(GLOSSY, 2, |light| material.glossy(normal, towards, light));
@@ -102,18 +104,18 @@ fn bsdf_entries(material: Material, view: SphereView, normal: Vec3) -> Vec<(u16,
     let kept: f32 = entries.iter().map(|(_, weight)| weight).sum();
     entries.iter_mut().for_each(|(_, weight)| *weight *= whole / kept.max(f32::MIN_POSITIVE));
     let first = (GLOSSY[0] * GLOSSY[1]) as u16;
-    let broad = integrate(BROAD, 2, |light| material.broad(normal, towards, light));
-    entries.extend(broad.into_iter().map(|(column, weight)| (first + column, weight)));
+    let diffuse = integrate(DIFFUSE, 2, |light| material.diffuse(normal, towards, light));
+    entries.extend(diffuse.into_iter().map(|(column, weight)| (first + column, weight)));
     entries
 }
 
-/// `∫ f(ω) dω` over each texel that has any, by `samples`² of them.
+/// Integrates `f` over each texel where it is positive, with `samples`² samples.
 pub(super) fn integrate([width, height]: [usize; 2], samples: usize, f: impl Fn(Vec3) -> f32) -> Vec<(u16, f32)> {
     let mut entries = Vec::new();
     for y in 0..height {
         let solid_angle = pixel_solid_angle_sr(y, width, height);
         for x in 0..width {
-            // outside of the hemisphere both functions are 0 at once
+            // Zero at the centre: outside of the hemisphere.
             if f(pixel_direction(x, y, width, height)) <= 0.0 {
                 continue;
             }
@@ -134,7 +136,7 @@ mod tests {
     use super::*;
     use lo_imaging::RadianceImage;
 
-    /// 141 pixels across, from straight behind the camera.
+    /// A view along −Z; the sphere is 141 pixels wide.
     const VIEW: SphereView = SphereView { eye: Vec3::new(0.0, 0.0, 16.0), focal_px: 1133.0 };
 
     fn map(light: impl Fn(Vec3) -> f32) -> RadianceImage {
@@ -146,7 +148,7 @@ mod tests {
         let white = map(|_| 1.0);
         for (material, least, most) in [
             (Material::Diffuse { albedo: 0.8 }, 0.795, 0.805),
-            // light that bounces twice in the roughness is lost
+            // The model lacks multiple scattering between microfacets.
             (Material::Metal { reflectance: 0.8, roughness: 0.3271 }, 0.77, 0.8),
             (Material::Mirror { reflectance: 0.8 }, 0.799, 1.001),
         ] {
@@ -161,7 +163,7 @@ mod tests {
 
     #[test]
     fn the_diffuse_sphere_follows_irradiance_in_closed_form() {
-        // L(ω) = 1 + ω·u/2 gives E(n) = π (1 + n·u/3)
+        // L(ω) = 1 + ω·u/2 gives E(n) = π (1 + n·u/3).
         let towards = Vec3::new(0.6, 0.64, 0.48);
         let transport = single_sphere(Material::Diffuse { albedo: 0.5 }, VIEW);
         let shown = transport.render(&map(|d| 1.0 + 0.5 * d.dot(towards)));
@@ -174,7 +176,7 @@ mod tests {
             worst = worst.max((picture[(x, y)][0] - 0.5 * (1.0 + normal.dot(towards) / 3.0)).abs());
             pixels += 1;
         }
-        // 35² · π / 4
+        // About 35² · π / 4 pixels.
         assert!(worst < 2e-3 && (880..1010).contains(&pixels), "{worst}, {pixels} pixels");
     }
 
@@ -183,18 +185,18 @@ mod tests {
         let transport = single_sphere(Material::Mirror { reflectance: 1.0 }, VIEW);
         let shown = transport.picture(transport.render(&map(|d| 1.0 + d.y)).pixels(), [0.0; 3]);
         let size = shown.width();
-        // in the middle: back to the eye; half way up (as its sine): straight up at 45°
+        // The centre reflects the camera; a normal tilted by 45° reflects straight up.
         assert!((shown[(size / 2, size / 2)][0] - 1.0).abs() < 0.02);
         let up = (0.5 * size as f32 * (1.0 - 0.5f32.sqrt())) as usize;
         assert!(shown[(size / 2, up)][0] > 1.99);
-        // light from the right appears on the right
+        // Light from the right appears on the right.
         let right = transport.picture(transport.render(&map(|d| d.x.max(0.0))).pixels(), [0.0; 3]);
         assert!(right[(size - 8, size / 2)][0] > 0.3 && right[(8, size / 2)][0] == 0.0);
     }
 
     #[test]
     fn a_rough_mirror_agrees_with_an_f64_twin() {
-        // one bright patch on a dim ground, integrated by brute force over half vectors' own formula
+        // One bright patch on a dim background, integrated by brute force in f64.
         let towards = Vec3::new(0.48, 0.6, 0.64);
         let patch = |d: Vec3| 0.1 + 20.0 * f32::from(u8::from(d.dot(towards) > 0.97));
         let material = Material::Metal { reflectance: 0.8, roughness: 0.3271 };
@@ -210,7 +212,9 @@ mod tests {
         }
     }
 
-    /// Reflected radiance of the patch by GGX (Walter et al. 2007) with Smith's G in its tangent form, summed in f64 over a fine grid.
+    /// Returns the reflected radiance of the patch by GGX (Walter et al. 2007) with Smith's G in tangent form.
+    ///
+    /// Summed in f64 over a fine grid.
     fn twin(normal: Vec3, view: Vec3, towards: Vec3) -> f64 {
         let vector = |v: Vec3| [f64::from(v.x), f64::from(v.y), f64::from(v.z)];
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

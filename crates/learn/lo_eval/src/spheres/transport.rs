@@ -1,50 +1,51 @@
 use lo_imaging::{Image, RadianceImage, resize_equirectangular};
 use rayon::prelude::*;
 
-/// Linear map from a panorama to the visible pixels of something under it.
+/// Linear map from a panorama to the visible pixels of an object lit by it.
 #[derive(Clone, Debug)]
 pub struct Transport {
-    /// Sizes of the panoramas that weights refer to, one after the other.
+    /// Sizes of the resized panoramas; columns index their concatenated pixels.
     maps: Vec<[usize; 2]>,
-    /// Size of the picture.
+    /// Size of the image.
     size: [usize; 2],
-    /// Where in the picture each row's pixel lies.
-    places: Vec<[u16; 2]>,
-    /// Where each row's entries begin, and one more.
+    /// Pixel of each row in the image.
+    positions: Vec<[u16; 2]>,
+    /// Index of each row's first entry, and the number of entries.
     starts: Vec<usize>,
-    /// Pixel of the panoramas, and its weight.
+    /// Panorama pixel of each entry.
     columns: Vec<u16>,
+    /// Weight of each entry.
     weights: Vec<f32>,
 }
 
-/// One visible pixel.
+/// One visible pixel of the object.
 pub(super) struct Row {
-    pub place: [u16; 2],
-    /// Pixel of the maps (see [`Transport::new`]) and its weight.
+    pub position: [u16; 2],
+    /// Panorama pixel (see [`Transport::new`]) and its weight.
     pub entries: Vec<(u16, f32)>,
 }
 
 impl Transport {
-    /// `maps`: sizes of the resized panoramas that entries count through; together they have at most 65,536 pixels.
+    /// Assembles the rows. `maps` are the sizes of the resized panoramas, of at most 65,536 pixels in total.
     pub(super) fn new(maps: Vec<[usize; 2]>, size: [usize; 2], rows: Vec<Row>) -> Self {
-        assert!(maps.iter().map(|[width, height]| width * height).sum::<usize>() <= 1 << 16, "columns are 16 bits");
+        assert!(maps.iter().map(|[width, height]| width * height).sum::<usize>() <= 1 << 16, "columns have 16 bits");
         let mut starts = vec![0];
-        let (mut columns, mut weights, mut places) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut columns, mut weights, mut positions) = (Vec::new(), Vec::new(), Vec::new());
         for row in rows {
-            places.push(row.place);
+            positions.push(row.position);
             for (column, weight) in row.entries {
                 columns.push(column);
                 weights.push(weight);
             }
             starts.push(columns.len());
         }
-        Self { maps, size, places, starts, columns, weights }
+        Self { maps, size, positions, starts, columns, weights }
     }
 
-    /// Radiance of the visible pixels, as a picture one pixel high, under a panorama of any size in the world's orientation.
+    /// Renders the visible pixels, as an image one pixel high, under a panorama in the world's orientation.
     ///
     /// # Panics
-    /// Where the panorama has no pixels.
+    /// If the panorama has no pixels.
     pub fn render(&self, panorama: &RadianceImage) -> RadianceImage {
         let light: Vec<[f32; 3]> = self
             .maps
@@ -62,15 +63,15 @@ impl Transport {
             }
             sum
         };
-        let pixels: Vec<[f32; 3]> = (0..self.places.len()).into_par_iter().map(pixel).collect();
+        let pixels: Vec<[f32; 3]> = (0..self.positions.len()).into_par_iter().map(pixel).collect();
         RadianceImage::new(pixels.len(), 1, pixels)
     }
 
-    /// Puts what [`render`](Self::render) gave where it belongs; `background` elsewhere.
+    /// Arranges the pixels of [`render`](Self::render) as an image, with `background` elsewhere.
     pub fn picture<T: Copy>(&self, pixels: &[T], background: T) -> Image<T> {
         let [width, height] = self.size;
         let mut picture = Image::new(width, height, vec![background; width * height]);
-        for (&[x, y], &pixel) in self.places.iter().zip(pixels) {
+        for (&[x, y], &pixel) in self.positions.iter().zip(pixels) {
             picture[(usize::from(x), usize::from(y))] = pixel;
         }
         picture

@@ -1,4 +1,4 @@
-//! What networks tell of the camera of photos whose cameras are known exactly: photos that are cut out of real panoramas, and generated ones.
+//! Accuracy of predicted cameras on photos with known cameras: crops of real panoramas, and generated rooms.
 
 use std::path::PathBuf;
 
@@ -22,7 +22,7 @@ fn cameras_of_panoramas() {
             seed: 1,
             ..CropModel::default()
         };
-        report(&Panoramas::open(&folder, model).unwrap(), if even_sharpness { ", alike in sharpness" } else { "" });
+        report(&Panoramas::open(&folder, model).unwrap(), if even_sharpness { ", of equal sharpness" } else { "" });
     }
 }
 
@@ -32,7 +32,9 @@ fn cameras_of_rooms() {
     report(&Shards::open(&PathBuf::from(std::env::var_os("ROOMS").unwrap())).unwrap(), "");
 }
 
-/// How far off up and the lens are that the networks of `WEIGHTS` tell of all photos, beside a level camera and 65°, and how many lie within what is said.
+/// Prints the errors of predicted up and field of view by the networks of `WEIGHTS`, beside a level camera and 65°.
+///
+/// Also prints the share of errors within the predicted deviations.
 fn report(photos: &dyn Dataset, what: &str) {
     let networks = Networks::read(std::env::var_os("WEIGHTS").unwrap()).unwrap();
     let [mut up, mut level, mut fov, mut constant] = [const { Vec::new() }; 4];
@@ -41,15 +43,18 @@ fn report(photos: &dyn Dataset, what: &str) {
         let sample = photos.get(index).unwrap();
         let truth = sample.up.unwrap();
         let deg = |half_extent: f64| 2.0 * half_extent.atan().to_degrees();
-        let own = deg(sample.camera.half_extent());
-        let found = networks.perspective(&sample.photo, None).expect("weights that have learned the camera");
+        let true_fov = deg(sample.camera.half_extent());
+        let found = networks.perspective(&sample.photo, None).expect("the weights predict the camera");
         up.push(f64::from(found.camera.up.angle_between(truth).to_degrees()));
         level.push(f64::from(lo_geometry::Vec3::Y.angle_between(truth).to_degrees()));
-        fov.push((deg(found.camera.half_extent) - own).abs());
-        constant.push((65.0 - own).abs());
-        let said = [(up[index], found.up_deviation_deg), (fov[index], found.fov_deviation_deg)];
-        said.iter().zip(&mut within).for_each(|((off, said), within)| *within += f64::from(u8::from(off <= said)));
-        println!("{}: up {:.1}°, {:.1}° for {own:.1}°", sample.id, up[index], deg(found.camera.half_extent));
+        fov.push((deg(found.camera.half_extent) - true_fov).abs());
+        constant.push((65.0 - true_fov).abs());
+        let predicted = [(up[index], found.up_deviation_deg), (fov[index], found.fov_deviation_deg)];
+        predicted
+            .iter()
+            .zip(&mut within)
+            .for_each(|((error, deviation), within)| *within += f64::from(u8::from(error <= deviation)));
+        println!("{}: up {:.1}°, {:.1}° for {true_fov:.1}°", sample.id, up[index], deg(found.camera.half_extent));
     }
     let number = up.len() as f64;
     let mean = up.iter().sum::<f64>() / number;
@@ -64,7 +69,10 @@ fn report(photos: &dyn Dataset, what: &str) {
         median(constant.clone()),
         100.0 * within[1],
     );
-    assert!(median(up) < 0.5 * median(level), "up is hardly better than that cameras are level");
-    assert!(median(fov) < median(constant), "the lens is no better than a constant");
-    assert!(within.iter().all(|share| (0.45..0.95).contains(share)), "{within:?} lie within what is said");
+    assert!(median(up) < 0.5 * median(level), "predicted up is hardly better than a level camera");
+    assert!(median(fov) < median(constant), "the predicted field of view is no better than a constant");
+    assert!(
+        within.iter().all(|share| (0.45..0.95).contains(share)),
+        "shares within the predicted deviations: {within:?}"
+    );
 }

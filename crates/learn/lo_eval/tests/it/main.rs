@@ -1,4 +1,4 @@
-//! Cameras, photos and published figures. One binary, so that it is linked once.
+//! Measurements of cameras, several photos, published spheres and the sun. One binary, to link only once.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod camera;
@@ -10,7 +10,7 @@ use std::path::Path;
 
 use lo_estimate::Estimator;
 
-/// The program's weights.
+/// Returns an estimator with the shipped weights.
 fn shipped() -> Estimator {
     let weights = "../lo_estimate/weights/lightoctree.safetensors";
     Estimator::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(weights)).unwrap()

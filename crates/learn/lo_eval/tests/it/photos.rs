@@ -1,9 +1,9 @@
-//! Three photos of a room, a third of a turn apart, against one: how much nearer the light comes to the truth where the first photo does not look.
+//! Three photos of a room, 120° apart, against one: gain in accuracy of light outside the first photo.
 
 use lo_cone::OctreeRenderer;
 use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot, seen_mask};
 use lo_estimate::{EstimateOptions, Estimator, Exposures, Input};
-use lo_eval::{Estimate, Light, Scorer, Scores, Sight, coherence};
+use lo_eval::{EstimatedLight, MethodOutput, Scorer, Scores, Tracer, coherence};
 use lo_geometry::{Quat, RigidTransform, Vec3};
 use lo_imaging::{Photo, RadianceImage, luminance};
 use lo_metrics::{PsnrCurve, log_rmse, psnr_db, solid_angles_sr};
@@ -12,8 +12,9 @@ use lo_scene::{Completion, Frame, PosedFrame};
 
 use crate::shipped;
 
-/// Rooms in which somebody turns round: a photo and two more from about its place, each turned by a third of a turn, by one phone with automatic exposure
-/// and white balance. Panoramas stand where the first photo looks.
+/// Rooms with three photos from about one position, 120° apart.
+///
+/// One simulated phone takes them with automatic exposure and white balance. Panoramas are in the first photo's view.
 struct Rooms {
     seed: u64,
     generator: Generator,
@@ -32,11 +33,11 @@ impl Rooms {
         let mut within = |most: f32| stream.random_range(-most..most);
         let record = self.generator.record_by_one_device(index, |interior| {
             let mut first = interior.camera_poses(1)[0];
-            // Who turns round stands where there is room: the freest of many places around a good view's.
+            // Stand where there is free space: the freest of many positions around a good view's.
             let start = first.pose.position;
-            let mut place = |_| Vec3::new(start.x + within(6.0), 1.5, start.z + within(6.0));
-            let places: Vec<Vec3> = (0..1000).map(&mut place).collect();
-            let freest = |margin: f32| places.iter().copied().find(|place| interior.is_free(*place, margin));
+            let mut position = |_| Vec3::new(start.x + within(6.0), 1.5, start.z + within(6.0));
+            let positions: Vec<Vec3> = (0..1000).map(&mut position).collect();
+            let freest = |margin: f32| positions.iter().copied().find(|position| interior.is_free(*position, margin));
             first.pose.position = [1.2, 1.0, 0.8, 0.6, 0.5, 0.4, 0.3].into_iter().find_map(freest).unwrap_or(start);
             let turned = |yaw_deg: f32| {
                 let [yaw, pitch, roll] = [yaw_deg + within(8.0), within(6.0), within(2.0)].map(f32::to_radians);
@@ -52,14 +53,14 @@ impl Rooms {
     }
 }
 
-/// Whose depth.
+/// Source of depth.
 #[derive(Clone, Copy, Debug)]
 enum Depth {
     True,
     Sensor,
 }
 
-/// The photos with depth and true poses; `exposures` are the frames'.
+/// Returns the photos with depth, true poses and the given exposures.
 fn photos(record: &Record, depth: Depth, exposures: &[f32]) -> Vec<PosedFrame> {
     let first = &record.shots[0];
     let posed = |(shot, exposure): (&Shot, &f32)| {
@@ -77,31 +78,31 @@ fn photos(record: &Record, depth: Depth, exposures: &[f32]) -> Vec<PosedFrame> {
     record.shots.iter().zip(exposures).map(posed).collect()
 }
 
-/// What linear values of each photo have to be multiplied by to be in the first one's measure.
+/// Returns the factors from linear values of each photo to the first photo's exposure.
 fn true_exposures(record: &Record) -> Vec<f32> {
     let first = luminance(record.shots[0].gains);
     record.shots.iter().map(|shot| first / luminance(shot.gains)).collect()
 }
 
-/// Figures of a scene's light at the panoramas' places; seen is what the first photo shows.
+/// Scores a scene's light at the panoramas; the seen part is what the first photo shows.
 fn scores(record: &Record, scene: lo_scene::Estimate) -> Scores {
-    let sight = Sight::Octree(OctreeRenderer::new(&scene.light));
-    let light = Light::Octree { octree: Box::new(scene.light), sight };
-    let estimate = Estimate::of_light(light);
+    let tracer = Tracer::Octree(OctreeRenderer::new(&scene.light));
+    let light = EstimatedLight::Octree { octree: Box::new(scene.light), tracer };
+    let estimate = MethodOutput::of_light(light);
     let sample = record.sample(0);
     let panoramas = Scorer::panoramas(&sample, &estimate);
-    let of_view = |(view, got)| of_view(&sample, view, got);
+    let of_view = |(view, got)| view_scores(&sample, view, got);
     let views: Vec<Scores> = sample.views.iter().zip(&panoramas).map(of_view).collect();
     let mut scores = Scores::mean(&views);
     scores.add("coherence", coherence(sample.views.iter().zip(&panoramas)));
     scores
 }
 
-/// Figures of the first photo's estimate where the truth stands wherever the other photos look: what knowing these places to perfection would give.
+/// Scores the estimate from the first photo with the truth wherever the other photos look: the upper bound.
 fn ceiling(record: &Record, scene: lo_scene::Estimate) -> Scores {
-    let sight = Sight::Octree(OctreeRenderer::new(&scene.light));
-    let light = Light::Octree { octree: Box::new(scene.light), sight };
-    let estimate = Estimate::of_light(light);
+    let tracer = Tracer::Octree(OctreeRenderer::new(&scene.light));
+    let light = EstimatedLight::Octree { octree: Box::new(scene.light), tracer };
+    let estimate = MethodOutput::of_light(light);
     let sample = record.sample(0);
     let first = &record.shots[0];
     let of_view = |(view, mut known): (&NovelView, RadianceImage)| {
@@ -118,19 +119,20 @@ fn ceiling(record: &Record, scene: lo_scene::Estimate) -> Scores {
                 known.pixels_mut()[pixel] = *truth;
             }
         }
-        of_view(&sample, view, &known)
+        view_scores(&sample, view, &known)
     };
     let panoramas = Scorer::panoramas(&sample, &estimate);
     Scores::mean(&sample.views.iter().zip(panoramas).map(of_view).collect::<Vec<_>>())
 }
 
-fn of_view(sample: &Sample, view: &NovelView, got: &RadianceImage) -> Scores {
+/// Scores a panorama, and its seen and unseen parts.
+fn view_scores(sample: &Sample, view: &NovelView, got: &RadianceImage) -> Scores {
     let angles = solid_angles_sr(got.width(), got.height());
     let seen = seen_mask(sample, view).unwrap();
     let mut scores = Scores::default();
     for (name, part) in [("psnr_db", None), ("seen_psnr_db", Some(true)), ("unseen_psnr_db", Some(false))] {
-        let of = |(&angle, &seen): (&f32, &bool)| if part.is_none_or(|part| part == seen) { angle } else { 0.0 };
-        let weights: Vec<f32> = angles.iter().zip(&seen).map(of).collect();
+        let weight = |(&angle, &seen): (&f32, &bool)| if part.is_none_or(|part| part == seen) { angle } else { 0.0 };
+        let weights: Vec<f32> = angles.iter().zip(&seen).map(weight).collect();
         scores.add(name, psnr_db(&view.radiance, got, &weights, PsnrCurve::ClippedSrgb));
         if part == Some(false) {
             scores.add("unseen_log_rmse", log_rmse(&view.radiance, got, &weights));
@@ -142,7 +144,7 @@ fn of_view(sample: &Sample, view: &NovelView, got: &RadianceImage) -> Scores {
 const WAYS: [&str; 4] =
     ["one photo", "three, exposures known", "three, exposures matched", "one, and the truth where the others look"];
 
-/// The light from the first photo alone, from three with true and with matched exposures, and from the first with the truth where the others look.
+/// Scores the light by each of [`WAYS`].
 fn compare(estimator: &Estimator, record: &Record, depth: Depth, completion: Option<Completion>) -> [Scores; 4] {
     let options = EstimateOptions { completion, ..EstimateOptions::default() };
     let estimate = |input| estimator.estimate(input, &options, &mut lo_events::ignore).unwrap();
@@ -191,13 +193,13 @@ fn three_photos_tell_more_than_one() {
             );
         }
         if *completion == "networks" {
-            // The 2 dB that were asked for cannot be reached (`ceiling`); what is there must not get lost.
+            // A gain of 2 dB exceeds the upper bound (`ceiling`); require some gain.
             assert!(mean(all, 1, "unseen_psnr_db") > mean(all, 0, "unseen_psnr_db"));
         }
     }
 }
 
-/// The quick version: two rooms and small pictures, closed by planes. What the other photos show comes nearer to the truth.
+/// Quick version: two rooms, small photos, shell completion.
 #[test]
 fn three_photos_of_two_rooms() {
     let rooms = Rooms::new(4242, [96, 72], 24);

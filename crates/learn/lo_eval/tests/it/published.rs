@@ -1,4 +1,4 @@
-//! Our spheres against pictures that Blender made for the published protocol.
+//! Spheres against images that Blender rendered for the published protocol.
 
 use std::path::PathBuf;
 
@@ -6,10 +6,10 @@ use lo_eval::spheres::{Material, SphereView, single_sphere};
 use lo_geometry::{Vec3, uv_from_direction};
 use lo_imaging::{Image, RadianceImage, read_radiance};
 
-/// The published camera: 16 radii away, 2 up; its picture has 960 × 540 pixels.
+/// The published camera: 16 radii away, 2 up; its image has 960 × 540 pixels.
 const VIEW: SphereView = SphereView { eye: Vec3::new(16.0, 2.0, 0.0), focal_px: 960.0 * 85.0 / 36.0 };
 
-/// The sphere's square in a published picture, 282 pixels a side.
+/// Reads the square around the sphere in a published image, 282 pixels wide; `None` without the files.
 fn published(name: &str) -> Option<RadianceImage> {
     let Some(folder) = std::env::var_os("STYLELIGHT_EXAMPLE") else {
         eprintln!("set STYLELIGHT_EXAMPLE to example/ground_truth/stylelight of DiffusionLight-evaluation");
@@ -20,7 +20,7 @@ fn published(name: &str) -> Option<RadianceImage> {
     Some(Image::from_fn(282, 282, |x, y| picture[(x + 339, y + 129)]))
 }
 
-/// The panorama that the mirror sphere shows: each pixel's light goes where it was reflected from.
+/// Reconstructs the panorama from the mirror sphere.
 fn panorama(mirror: &RadianceImage) -> RadianceImage {
     let (width, height) = (256, 128);
     let (forward, middle) = (-VIEW.eye.normalize(), 141.0);
@@ -45,7 +45,7 @@ fn panorama(mirror: &RadianceImage) -> RadianceImage {
         }
         sums[pixel][3] += 1.0;
     }
-    // pixels that no ray reached take the mean of their neighbours
+    // Fill pixels without a ray with the mean of their neighbours.
     for _ in 0..64 {
         let before = sums.clone();
         for i in (0..sums.len()).filter(|&i| before[i][3] == 0.0) {

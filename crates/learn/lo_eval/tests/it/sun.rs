@@ -1,4 +1,4 @@
-//! Where the sun shines in photos of sunny generated rooms, and how strong it is, told by the photo and where the sun stands.
+//! Accuracy of sun patches and of the sun's strength in photos of sunny generated rooms, for a known sun direction.
 
 use std::sync::Arc;
 
@@ -9,22 +9,21 @@ use lo_imaging::{DepthMap, Image, Photo, luminance};
 use lo_lights::{Sunlit, sun_from_shadow};
 use lo_mesh::PreparedModel;
 use lo_random::RngExt;
-use lo_scene::Estimate;
-use lo_scene::Frame;
+use lo_scene::{Estimate, Frame};
 use lo_synth::{CameraPose, Interior, Weather};
 
 use crate::{median, shipped};
 
 const FAR_M: f32 = 100.0;
 
-/// Of every so many pixels it is asked whether the sun shines there.
+/// Every n-th pixel in each direction is tested.
 const STRIDE: usize = 4;
 
-/// Rooms in which the sun shines on less of the photo than this are passed over.
+/// Smallest share of sunlit pixels; other rooms are skipped.
 const MIN_LIT: f64 = 0.005;
 
-/// The first surface but glass that a ray meets.
-fn meets(model: &PreparedModel, mut ray: Ray) -> Option<Vec3> {
+/// Returns the first hit of a ray, except for glass.
+fn first_hit(model: &PreparedModel, mut ray: Ray) -> Option<Vec3> {
     let is_glass = |triangle: u32| {
         let model = model.model();
         model.materials[model.triangle_materials[triangle as usize] as usize].transmission > 0.0
@@ -39,19 +38,19 @@ fn meets(model: &PreparedModel, mut ray: Ray) -> Option<Vec3> {
     None
 }
 
-/// The place that a pixel shows, and what hides the sun from it; `None` where it shows nothing.
+/// Returns the point at a pixel, and the point that occludes the sun from it; `None` without a hit.
 fn shown(model: &PreparedModel, view: &CameraPose, sun: Vec3, (u, v): (f64, f64)) -> Option<(Vec3, Option<Vec3>)> {
     let direction = (view.pose.rotation * view.camera.direction(u, v)).normalize();
-    let place = meets(model, Ray { origin: view.pose.position, direction })?;
-    Some((place, meets(model, Ray { origin: place - direction * 2e-3, direction: sun })))
+    let place = first_hit(model, Ray { origin: view.pose.position, direction })?;
+    Some((place, first_hit(model, Ray { origin: place - direction * 2e-3, direction: sun })))
 }
 
-/// Whether the sun shines on what a pixel shows; `None` where it shows nothing.
+/// Returns whether a pixel is sunlit; `None` without a hit.
 fn is_lit(model: &PreparedModel, view: &CameraPose, sun: Vec3, (x, y): (usize, usize)) -> Option<bool> {
     shown(model, view, sun, (x as f64 + 0.5, y as f64 + 0.5)).map(|(_, hidden_by)| hidden_by.is_none())
 }
 
-/// Intersection over union of what is in the sun and what is found to be; 0 where nothing is found.
+/// Returns the intersection over union of true and detected sun patches; 0 if none is detected.
 fn overlap(truth: &Image<Option<bool>>, scene: &Estimate, sun: Vec3) -> f64 {
     let Some(found) = Sunlit::new(scene.surface(), sun) else { return 0.0 };
     let lit = found.lit();
@@ -124,13 +123,13 @@ fn sun_patches_of_generated_rooms() {
     }
 }
 
-/// A thing's pixel and its shadow's.
+/// Pixels of an occluder and of its shadow.
 type Shadow = [[f64; 2]; 2];
 
-/// Shadows of each kind that are tried in a photo, at most.
+/// Largest number of shadows of each kind per photo.
 const SHADOWS: usize = 5;
 
-/// Things that the photo shows and places beside sun patches from which they hide the sun.
+/// Returns visible occluders with their shadows beside sun patches.
 fn true_shadows(interior: &Interior, view: &CameraPose) -> Vec<Shadow> {
     let Some(sun) = interior.world.outdoors.sun else { return Vec::new() };
     let model = PreparedModel::new(interior.world.model.clone());
@@ -155,12 +154,12 @@ fn true_shadows(interior: &Interior, view: &CameraPose) -> Vec<Shadow> {
     all.iter().step_by(all.len().div_ceil(SHADOWS).max(1)).copied().collect()
 }
 
-/// Whether thing and shadow are far enough from each other to tell a direction.
+/// Returns whether occluder and shadow are far enough apart to determine a direction.
 fn is_far(width: u32, [thing, shadow]: &Shadow) -> bool {
     (thing[0] - shadow[0]).hypot(thing[1] - shadow[1]) > 0.06 * f64::from(width)
 }
 
-/// Pairs of any pixels of a scene's photo that give a direction. The second lies at an edge of brightness if `at_edges`.
+/// Draws random pairs of pixels that give a direction; with `at_edges`, the second is at an edge of brightness.
 fn any_shadows(scene: &Estimate, at_edges: bool, stream: &mut impl RngExt) -> Vec<Shadow> {
     let (camera, radiance) = (scene.frame.camera, scene.frame.radiance());
     let size = [f64::from(camera.width), f64::from(camera.height)];
@@ -192,7 +191,7 @@ fn shadows_of_generated_rooms() {
     let estimator = shipped();
     let kinds = ["true shadows", "no sun: any pixels", "no sun: edges", "sun: any pixels", "sun: edges"];
     let depths = ["true depth", "photo alone"];
-    // By depth and kind: how many are asked for, and accepted.
+    // By depth and kind: number tested, number accepted.
     let mut counts = [[[0u32; 2]; 5]; 2];
     for index in 0..60 {
         let interior = generator.interior(index).unwrap();

@@ -1,4 +1,4 @@
-//! Weights that others published begin a run.
+//! Runs that start from published encoder weights.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -9,12 +9,15 @@ use lo_events::{Event, Warning};
 use lo_nets::checkpoint::{Checkpoint, Precision};
 use lo_nets::depth::{Encoder, EncoderKind};
 use lo_nets::{Device, Networks};
-use lo_train::{CHECKPOINT_FILE, EncoderOrigin, Request, Start, TrainConfig, TrainError, read_encoder, train};
+use lo_train::{
+    CHECKPOINT_FILE, EncoderOrigin, InitialWeights, TrainConfig, TrainError, TrainRequest, read_encoder, train,
+};
 use safetensors::SafeTensors;
 
 use crate::run::config;
 
-/// What `make_efficientnet.py` of `lo_nets` wrote: the names and shapes of the published weights, and their features of a real photo.
+/// Output of `make_efficientnet.py` of `lo_nets`: names and shapes of the published weights, and their features of a
+/// real photo.
 const GOLDEN: &[u8] = include_bytes!("../../../lo_nets/tests/it/golden/efficientnet.safetensors");
 
 fn golden(name: &str) -> PathBuf {
@@ -56,12 +59,12 @@ fn what_is_no_encoder_is_said() {
     let whole = std::fs::read(golden("zip.pth")).unwrap();
     let cut = message(&named("cut.pth", &whole[..whole.len() / 2]));
     assert!(cut.contains("cut.pth: "), "{cut}");
-    assert!(message(&golden("half.pth")).contains("tensor \"conv.weight\": its numbers are F16"));
+    assert!(message(&golden("half.pth")).contains("tensor \"conv.weight\": its data type is F16"));
     let published = message(&named("efficientnet-lite0-57934424.pth", &whole));
     assert!(published.contains("not the published file: its SHA-256 is") && published.contains("57934424"));
 }
 
-/// The published names and shapes of EfficientNet-Lite0, each tensor full of a number of its own.
+/// Returns weights with the names and shapes of EfficientNet-Lite0; each tensor is filled with its own number.
 fn numbered() -> Checkpoint {
     let (_, header) = SafeTensors::read_metadata(GOLDEN).unwrap();
     let shapes: BTreeMap<String, BTreeMap<String, Vec<usize>>> =
@@ -80,7 +83,7 @@ fn a_run_begins_with_them_and_says_whose_they_are() {
     let weights = numbered();
     weights.write(&file, Precision::Full).unwrap();
     let config = TrainConfig { encoder: EncoderKind::EfficientNetLite0, ..config() };
-    let request = Request { folder: folder.path(), resume: false, seed: 5, start: Start::Encoder(&file) };
+    let request = TrainRequest { folder: folder.path(), resume: false, seed: 5, start: InitialWeights::Encoder(&file) };
     let mut warnings = Vec::new();
     let ended = train(&config, &request, &mut |event| {
         if let Event::Warning(warning) = event {
@@ -105,7 +108,7 @@ fn a_run_begins_with_them_and_says_whose_they_are() {
     let networks = Networks::from_checkpoint(checkpoint, &Device::flex()).unwrap();
     assert_eq!(networks.depth.encoder_kind(), EncoderKind::EfficientNetLite0);
 
-    // Weights of another encoder than the configuration's.
+    // Weights of a different encoder than configured.
     let other = TrainConfig { encoder: EncoderKind::EfficientNetLite2, ..config.clone() };
     let error = train(&other, &request, &mut |_| ControlFlow::Break(())).unwrap_err().to_string();
     assert!(error.contains("the weights of \"EfficientNet-Lite\" do not match the network: "), "{error}");

@@ -1,4 +1,4 @@
-//! The networks learn, in runs as a whole and on scenes of their own.
+//! Training: complete runs, weights files, and overfitting of single scenes.
 #![allow(clippy::unwrap_used)]
 
 mod encoder_weights;
@@ -7,6 +7,6 @@ mod run;
 mod size;
 mod weight_files;
 
-/// Without it most of a step is spent on page faults.
+/// With the default allocator, page faults dominate a training step.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;

@@ -1,4 +1,4 @@
-//! Runs as a whole: all stages on small rooms, stopped and resumed.
+//! Complete runs: all stages on small rooms, stopped and resumed.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -12,8 +12,8 @@ use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
 use lo_synth::SynthConfig;
 use lo_train::{
-    CHECKPOINT_FILE, DataConfig, DepthPhase, LOG_FILE, LightPhase, Request, SHEET_FILE, Schedule, Start, TrainConfig,
-    TrainError, ValidationConfig, WEIGHTS_FILE, train,
+    CHECKPOINT_FILE, DataConfig, DepthPhase, InitialWeights, LOG_FILE, LightPhase, SHEET_FILE, Schedule, TrainConfig,
+    TrainError, TrainRequest, ValidationConfig, WEIGHTS_FILE, train,
 };
 
 fn small_rooms(crop_size: [u32; 2], shots: u32) -> GeneratorConfig {
@@ -21,7 +21,7 @@ fn small_rooms(crop_size: [u32; 2], shots: u32) -> GeneratorConfig {
     GeneratorConfig { room, shots, panoramas: 1, panorama_height: 16, octree_depth: 5, ..Default::default() }
 }
 
-/// Twelve rooms in a shard, made once for all tests: each takes a second or two.
+/// Returns a shard of twelve rooms, generated once for all tests; a room takes a second or two.
 fn rooms() -> PathBuf {
     static ROOMS: OnceLock<PathBuf> = OnceLock::new();
     let make = || {
@@ -34,18 +34,19 @@ fn rooms() -> PathBuf {
     ROOMS.get_or_init(make).clone()
 }
 
-/// All three stages, the light network at two depths; a few steps each.
+/// Configures three stages of a few steps each, the light network at two depths.
 pub fn config() -> TrainConfig {
     let network =
         LightNetConfig { depth: 5, full_depth: 3, channels: 8, max_channels: 16, blocks: 1, ..Default::default() };
-    let light = |usual: LightPhase, octree_depth| LightPhase {
-        schedule: Schedule { steps: 2, ..usual.schedule },
+    let light = |defaults: LightPhase, octree_depth| LightPhase {
+        schedule: Schedule { steps: 2, ..defaults.schedule },
         octree_depth,
         novel_rays: 300,
         visible_rays: 100,
-        ..usual
+        ..defaults
     };
-    let depth = |steps| DepthPhase { schedule: Schedule { steps, ..DepthPhase::USUAL.schedule }, ..DepthPhase::USUAL };
+    let depth =
+        |steps| DepthPhase { schedule: Schedule { steps, ..DepthPhase::DEFAULT.schedule }, ..DepthPhase::DEFAULT };
     TrainConfig {
         log_steps: 2,
         encoder: EncoderKind::EfficientNetLite0,
@@ -57,21 +58,21 @@ pub fn config() -> TrainConfig {
             DepthPhase { batch_size: 1, frozen_statistics: true, ..depth(1) },
         ],
         light: vec![
-            light(LightPhase::USUAL, 4),
-            LightPhase { scheduled_sampling: [0.0, 1.0], predicted_share: 1.0, ..light(LightPhase::USUAL, 5) },
+            light(LightPhase::DEFAULT, 4),
+            LightPhase { scheduled_sampling: [0.0, 1.0], predicted_share: 1.0, ..light(LightPhase::DEFAULT, 5) },
         ],
-        joint: vec![light(LightPhase::USUAL_JOINT, 5)],
+        joint: vec![light(LightPhase::DEFAULT_JOINT, 5)],
         ..TrainConfig::default()
     }
 }
 
-/// Runs until done, or until `steps` are made; gives whether it was cancelled and what it said.
+/// Runs to the end or for `steps` steps. Returns whether the run was cancelled, and its events.
 fn run(config: &TrainConfig, folder: &Path, resume: bool, steps: u64) -> (bool, Vec<Event>) {
     let mut made = 0;
     let mut events = Vec::new();
     // A resumed run keeps its own seed.
     let seed = if resume { 6 } else { 5 };
-    let request = Request { folder, resume, seed, start: Start::Random };
+    let request = TrainRequest { folder, resume, seed, start: InitialWeights::Random };
     let result = train(config, &request, &mut |event| {
         made += u64::from(matches!(event, Event::Figures { stage: Stage::Training(_), .. }));
         events.push(event);
@@ -84,14 +85,14 @@ fn run(config: &TrainConfig, folder: &Path, resume: bool, steps: u64) -> (bool, 
     (cancelled, events)
 }
 
-/// A handler that ends a run before its first step.
+/// Cancels a run before its first step.
 fn at_once(_: Event) -> ControlFlow<()> {
     ControlFlow::Break(())
 }
 
 fn checkpoint(folder: &Path) -> Checkpoint {
     let mut checkpoint = Checkpoint::read(folder.join(CHECKPOINT_FILE)).unwrap();
-    // Lines of the log hold times.
+    // Log lines contain timings, so their lengths vary.
     checkpoint.state["training"]["log_bytes"].take();
     checkpoint
 }
@@ -129,7 +130,7 @@ fn a_run_goes_on_as_if_it_had_not_stopped() {
         assert!(found(4, name).is_some_and(|value| value > 0.0), "{name}: {:?}", reports[4]);
     }
 
-    // In the middle of a phase, between two, and on another number of threads.
+    // Stops within a phase and between two phases, with different numbers of threads.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
     assert!(run(&config, &parts, false, 1).0);
     assert!(pool.install(|| run(&config, &parts, true, 2).0));
@@ -137,7 +138,7 @@ fn a_run_goes_on_as_if_it_had_not_stopped() {
     assert!(!run(&config, &parts, true, u64::MAX).0);
     assert!(checkpoint(&whole) == checkpoint(&parts), "weights, moments or state differ");
 
-    // What is exported is the average, and of use.
+    // The exported weights are the averages and can be read.
     let networks = Networks::read(whole.join(WEIGHTS_FILE)).unwrap();
     assert_eq!(networks.config.depth, 5);
     assert_eq!(Networks::read(whole.join(CHECKPOINT_FILE)).unwrap().config, networks.config);
@@ -165,10 +166,10 @@ fn photos_of_two_sizes_wait_for_their_own_kind_also_over_a_stop() {
         data: DataConfig { folder: Some(rooms), ..DataConfig::default() },
         validation: ValidationConfig { photos: 0, ..base.validation.clone() },
         depth: vec![DepthPhase {
-            schedule: Schedule { steps: 5, ..DepthPhase::USUAL.schedule },
+            schedule: Schedule { steps: 5, ..DepthPhase::DEFAULT.schedule },
             batch_size: 3,
             photo_width: 64,
-            ..DepthPhase::USUAL
+            ..DepthPhase::DEFAULT
         }],
         light: Vec::new(),
         joint: Vec::new(),
@@ -191,9 +192,10 @@ fn trained_weights_begin_a_run() {
     let config = TrainConfig { depth: Vec::new(), joint: Vec::new(), ..config() };
     let trained = Networks::new(EncoderKind::EfficientNetLite0, &config.network, 3, &lo_nets::Device::flex()).unwrap();
     trained.write(&weights, lo_nets::checkpoint::Precision::Half).unwrap();
-    let request = Request { folder: folder.path(), resume: false, seed: 5, start: Start::Networks(&weights) };
+    let request =
+        TrainRequest { folder: folder.path(), resume: false, seed: 5, start: InitialWeights::Networks(&weights) };
     assert!(matches!(train(&config, &request, &mut at_once), Err(TrainError::Cancelled(_))));
-    // The light network begins with octrees of depth 4, without the finest stage of the one that was trained.
+    // The light network starts at octree depth 4, without the finest stage of the trained one.
     let read = |file: &Path| {
         let Networks { depth, light, config, .. } = Networks::read(file).unwrap();
         let finest = &light.encoder[config.depth as usize - 4].blocks[0].first.weights;
@@ -203,44 +205,51 @@ fn trained_weights_begin_a_run() {
     let (begun, trained) = (read(&folder.path().join(CHECKPOINT_FILE)), read(&weights));
     assert_eq!([begun.0, trained.0], [4, 5]);
     assert!(begun.1 == trained.1 && begun.2 == trained.2);
-    // Of the depth network alone: the light network is that of a run of this seed that begins at random.
-    let begin = |start: Start, seed: u64| {
-        let request = Request { seed, start, ..request };
+    // With the depth network alone, the light network gets the random weights of the seed.
+    let begin = |start: InitialWeights, seed: u64| {
+        let request = TrainRequest { seed, start, ..request };
         assert!(matches!(train(&config, &request, &mut at_once), Err(TrainError::Cancelled(_))));
         read(&folder.path().join(CHECKPOINT_FILE))
     };
-    let of_depth = begin(Start::DepthNetwork(&weights), 6);
-    assert!(of_depth.1 == trained.1 && of_depth.2 == begin(Start::Random, 6).2);
-    assert!(of_depth.2 != trained.2 && of_depth.2 != begin(Start::DepthNetwork(&weights), 7).2);
+    let of_depth = begin(InitialWeights::DepthNetwork(&weights), 6);
+    assert!(of_depth.1 == trained.1 && of_depth.2 == begin(InitialWeights::Random, 6).2);
+    assert!(of_depth.2 != trained.2 && of_depth.2 != begin(InitialWeights::DepthNetwork(&weights), 7).2);
     let other = LightNetConfig { channels: 16, ..config.network.clone() };
     let error = train(&TrainConfig { network: other, ..config.clone() }, &request, &mut at_once).unwrap_err();
-    assert!(error.to_string().contains("of another shape than [network]"), "{error}");
-    let request = Request { start: Start::DepthNetwork(&weights), ..request };
+    assert!(error.to_string().contains("differs from [network] in the configuration"), "{error}");
+    let request = TrainRequest { start: InitialWeights::DepthNetwork(&weights), ..request };
     let error =
         train(&TrainConfig { encoder: EncoderKind::EfficientNetLite2, ..config.clone() }, &request, &mut at_once);
     let error = error.unwrap_err();
     assert!(error.to_string().contains("its encoder is efficientnet-lite0"), "{error}");
     let other = LightNetConfig { global_features: 100, ..config.network.clone() };
     let error = train(&TrainConfig { network: other, ..config }, &request, &mut at_once).unwrap_err();
-    assert!(error.to_string().contains("its global features"), "{error}");
+    assert!(error.to_string().contains("its number of global features"), "{error}");
 }
 
 #[test]
 fn what_cannot_be_trained_is_said() {
     let folder = tempfile::tempdir().unwrap();
-    let request = Request { folder: folder.path(), resume: false, seed: 5, start: Start::Random };
-    let message = |config: &TrainConfig, request: &Request| {
+    let request = TrainRequest { folder: folder.path(), resume: false, seed: 5, start: InitialWeights::Random };
+    let message = |config: &TrainConfig, request: &TrainRequest| {
         train(config, request, &mut lo_events::ignore).unwrap_err().to_string()
     };
     let nothing = TrainConfig { depth: Vec::new(), light: Vec::new(), joint: Vec::new(), ..config() };
-    assert_eq!(message(&nothing, &request), "there are no phases: none of depth, light and joint is given");
-    let gone = Request { resume: true, ..request };
+    assert_eq!(
+        message(&nothing, &request),
+        "no training phases: add at least one of [[depth]], [[light]], [[joint]] and [[expected]]"
+    );
+    let gone = TrainRequest { resume: true, ..request };
     assert!(message(&config(), &gone).contains(CHECKPOINT_FILE));
-    // Weights for use are no run.
+    // A weights file is not a run.
     let networks =
         Networks::new(EncoderKind::EfficientNetLite0, &config().network, 1, &lo_nets::Device::flex()).unwrap();
     networks.write(folder.path().join(CHECKPOINT_FILE), lo_nets::checkpoint::Precision::Full).unwrap();
-    assert!(message(&config(), &gone).contains("its state is none of a run"), "{}", message(&config(), &gone));
+    assert!(
+        message(&config(), &gone).contains("not the checkpoint of a training run"),
+        "{}",
+        message(&config(), &gone)
+    );
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     let empty = DataConfig { folder: Some(folder.path().join("empty")), ..DataConfig::default() };
     assert!(message(&TrainConfig { data: empty, ..config() }, &request).contains("none of the layouts"));

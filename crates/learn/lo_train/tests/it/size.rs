@@ -1,6 +1,6 @@
-//! Parameters and operations of both networks, counted from the shapes of their weights: the tables of `docs/method.md` §4.3 and §5.9.
+//! Sizes of both networks, counted from the shapes of their weights: tables of `docs/method.md` §4.3 and §5.9.
 //!
-//! `cargo test --release -p lo_train --test it size -- --ignored --nocapture` prints them.
+//! `cargo test --release -p lo_train --test it size -- --ignored --nocapture` prints the tables.
 
 use std::collections::BTreeMap;
 
@@ -15,15 +15,15 @@ use lo_nets::graph::GraphLevel;
 use lo_nets::light::{LightInput, LightNet, LightNetConfig, VisiblePoint};
 use lo_octree::LightOctree;
 
-/// What one part of a network costs.
+/// Size of one part of a network.
 #[derive(Clone, Copy, Default)]
 struct Cost {
     parameters: usize,
-    /// Multiplications and additions of one photo, the additions counted too.
+    /// Multiplications plus additions for one photo.
     operations: usize,
 }
 
-/// Costs by part: `rows` says to which part a tensor belongs and how many rows or pixels it is applied to.
+/// Returns the costs by part. `rows` maps a tensor to its part and the number of rows or pixels that it is applied to.
 fn costs(module: &impl Module, rows: impl Fn(&[&str], &[usize]) -> (String, usize)) -> BTreeMap<String, Cost> {
     let mut checkpoint = Checkpoint::default();
     checkpoint.add_module("net", module);
@@ -37,7 +37,7 @@ fn costs(module: &impl Module, rows: impl Fn(&[&str], &[usize]) -> (String, usiz
         let values: usize = shape.iter().product();
         let cost = costs.entry(part).or_default();
         cost.parameters += values;
-        // Matrices and kernels; what scales and shifts is not counted.
+        // Matrices and kernels only; scales and biases are not counted.
         if matches!(path.last(), Some(&"weight" | &"weights")) {
             cost.operations += 2 * values * rows;
         }
@@ -49,10 +49,11 @@ fn index(part: &str) -> usize {
     part.parse().unwrap()
 }
 
-/// Blocks of EfficientNet-Lite2 after its first, by the resolution that they give: 1/4, 1/8, 1/16, 1/32. The first of each halves it, after its expansion.
+/// Blocks of EfficientNet-Lite2 after the first, by output resolution: 1/4, 1/8, 1/16, 1/32. The first block of each
+/// halves the resolution after its expansion.
 const LITE2_BLOCKS: [usize; 4] = [3, 3, 8, 6];
 
-/// The depth network's, for a photo of this size.
+/// Returns the costs of the depth network for a photo of this size.
 fn depth_costs(net: &DepthNet, [width, height]: [usize; 2]) -> BTreeMap<String, Cost> {
     let pixels = |scale: usize| width.div_ceil(scale) * height.div_ceil(scale);
     let scales = LITE2_BLOCKS.iter().zip([4, 8, 16, 32]);
@@ -75,15 +76,15 @@ fn depth_costs(net: &DepthNet, [width, height]: [usize; 2]) -> BTreeMap<String, 
         ["perspective", ..] => ("Z camera".into(), pixels(8)),
         ["global", "conv", ..] => ("Z global light".into(), pixels(32)),
         ["global", ..] => ("Z global light".into(), 1),
-        // In training, and once a photo for the light network.
+        // Runs in training, and once per photo for the light network.
         ["panorama", "stages", i, ..] => ("Z panorama".into(), (16 << index(i)) * (8 << index(i))),
         ["panorama", "output", ..] => ("Z panorama".into(), 64 * 128),
         ["panorama", ..] => ("Z panorama".into(), 1),
-        other => panic!("{other:?} is of no part"),
+        other => panic!("{other:?} belongs to no part"),
     })
 }
 
-/// The light network's; `input` are the graphs of what is seen, `grown` those of the whole room with its non-empty nodes.
+/// Returns the costs of the light network; `input` has the graphs of visible points, `grown` is the completed room.
 fn light_costs(
     net: &LightNet,
     config: &LightNetConfig,
@@ -96,7 +97,7 @@ fn light_costs(
         levels[stage].refinement.as_ref().map_or(0, |refinement| refinement.split.len())
     };
     let part = |kind: &str, stage: usize| format!("{kind} {}", config.full_depth as usize + stage);
-    // The one-hot depths of a convolution's nodes are multiplied for a few different rows alone.
+    // Products with one-hot node depths are computed once per distinct depth only.
     let graph_conv = |rows: usize, stage: usize, shape: &[usize]| {
         let types = if stage > 0 { stage + 1 } else { 0 };
         rows * shape[0].saturating_sub(7 * types) / shape[0]
@@ -121,7 +122,7 @@ fn light_costs(
             let level = &grown.octree.levels()[config.full_depth as usize + index(i)];
             (part("heads", index(i)), if *heads == "prediction" { level.len() } else { level.nonempty })
         }
-        other => panic!("{other:?} is of no part"),
+        other => panic!("{other:?} belongs to no part"),
     })
 }
 
@@ -138,7 +139,7 @@ fn print(costs: &BTreeMap<String, Cost>) {
     }
 }
 
-/// Parameters, and multiplications in thousand millions for a photo of this side.
+/// Returns the parameters, and the multiplications in 10⁹ for a square photo of this side.
 fn encoder_size(kind: EncoderKind, side: usize) -> (usize, f64) {
     let costs = depth_costs(&DepthNet::new(kind, 64, 1, &Device::flex()), [side, side]);
     let encoder: BTreeMap<String, Cost> = costs.into_iter().filter(|(part, _)| part.contains("encoder")).collect();
@@ -147,12 +148,13 @@ fn encoder_size(kind: EncoderKind, side: usize) -> (usize, f64) {
 
 #[test]
 fn encoders_have_the_published_sizes() {
-    // torchvision's model card: 7,978,856 parameters, 2.83 G multiplications; without the classifier's 1024 · 1000 + 1000.
+    // torchvision's model card: 7,978,856 parameters, 2.83 G multiplications; without the classifier's
+    // 1024 · 1000 + 1000.
     let (parameters, multiplications) = encoder_size(EncoderKind::DenseNet121, 224);
     assert_eq!(parameters, 7_978_856 - 1_025_000);
     assert!((multiplications - 2.83).abs() < 0.02, "{multiplications}");
-    // TensorFlow's model card of EfficientNet-Lite2: 6.1 million parameters, 0.86 G multiplications at 260 × 260; without the head's
-    // convolution 352 · 1280 on 9 × 9 places, its norm, and the classifier's 1280 · 1000 + 1000.
+    // TensorFlow's model card of EfficientNet-Lite2: 6.1 million parameters, 0.86 G multiplications at 260 × 260;
+    // without the head's convolution 352 · 1280 on 9 × 9 pixels, its norm, and the classifier's 1280 · 1000 + 1000.
     let (parameters, multiplications) = encoder_size(EncoderKind::EfficientNetLite2, 260);
     let head = 352 * 1280 + 2 * 1280 + 1280 * 1000 + 1000;
     assert!((parameters + head).abs_diff(6_100_000) < 50_000, "{parameters}");
@@ -183,7 +185,7 @@ fn tables() {
         let nodes = |levels: &[std::sync::Arc<GraphLevel>]| levels.iter().map(|l| l.len()).collect::<Vec<_>>();
         let (seen, whole) = (nodes(&input.levels), nodes(&GraphLevel::all(&truth.octree)));
         println!(
-            "\nlight network, d = {depth}, {channels} channels: nodes of the graphs from depth 4 on, seen {seen:?}, whole room {whole:?}"
+            "\nlight network, d = {depth}, {channels} channels: graph nodes from depth 4, visible {seen:?}, room {whole:?}"
         );
         println!("| part | parameters | GFLOP |\n| --- | --- | --- |");
         let net = LightNet::new(&config, 1, &Device::flex()).unwrap();

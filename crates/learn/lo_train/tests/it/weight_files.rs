@@ -1,4 +1,4 @@
-//! Files of weights are made one.
+//! Averaging, merging and inspecting weights files.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ fn config() -> LightNetConfig {
     LightNetConfig { bottleneck: 2, head_channels: 8, global_features: 8, ..small }
 }
 
-/// A file of untrained networks.
+/// Writes a file of untrained networks.
 fn networks(folder: &Path, seed: u64, config: &LightNetConfig) -> PathBuf {
     let path = folder.join(format!("{seed}.safetensors"));
     let networks = Networks::new(EncoderKind::default(), config, seed, &Device::flex()).unwrap();
@@ -28,7 +28,7 @@ fn the_average_is_the_mean_to_half_precision() {
     let (a, b) = (networks(folder.path(), 1, &config()), networks(folder.path(), 2, &config()));
     let to = folder.path().join("mean.safetensors");
     average(&[a.clone(), a.clone()], &to).unwrap();
-    assert!(std::fs::read(&to).unwrap() == std::fs::read(&a).unwrap(), "of a file with itself it is the file");
+    assert!(std::fs::read(&to).unwrap() == std::fs::read(&a).unwrap(), "the average of a file with itself is the file");
 
     average(&[a.clone(), b.clone()], &to).unwrap();
     let [a, b, mean] = [&a, &b, &to].map(|path| Checkpoint::read(path).unwrap());
@@ -37,7 +37,7 @@ fn the_average_is_the_mean_to_half_precision() {
         let [a, b, mean] = [&a, &b, &mean].map(|file| file.values(name).unwrap());
         for ((a, b), mean) in a.iter().zip(b).zip(mean) {
             let expected = (a + b) / 2.0;
-            // Eleven bits, or below 2⁻¹⁴ the smallest step.
+            // Half precision has 11 bits of mantissa; below 2⁻¹⁴, the smallest step counts.
             assert!((mean - expected).abs() <= (expected.abs() / 2048.0).max(3e-8), "{name}: {a} {b} {mean}");
             differ += usize::from(a != b);
         }

@@ -1,4 +1,4 @@
-"""Writes zip.pth and legacy.pth, the two kinds of files that torch.save has written. Needs torch. Run beside this file."""
+"""Writes zip.pth and legacy.pth, the two file formats of torch.save. Requires torch. Run in this folder."""
 
 import torch
 
@@ -6,7 +6,7 @@ weights = {
     "conv.weight": torch.arange(6, dtype=torch.float32).reshape(2, 3) / 4,
     "norm.num_batches_tracked": torch.tensor(7),
     "norm.bias": torch.tensor([-1.5, 2.0], dtype=torch.float64),
-    # Not stored in the order of its rows.
+    # Stored in column-major order.
     "turned.weight": torch.arange(6, dtype=torch.float32).reshape(2, 3).t(),
 }
 torch.save(weights, "zip.pth")

@@ -1,17 +1,18 @@
-//! What an octree of a depth can show at all: RGBα of the true tree's nodes, fitted to the panoramas by the rendering layer alone, without any network.
+//! Upper bound of an octree's quality at a given depth: node colours fitted to the panoramas by gradient descent
+//! through the renderer, without a network.
 
 use lo_cone::{Cone, ConeSample, ConeTracer, SampleGradient, Settings};
 use lo_octree::LightOctree;
-use lo_train::drawn_panorama_rays;
+use lo_train::sample_panorama_rays;
 
 use super::scene::Scene;
 
 const RAYS: usize = 1 << 15;
-const RATE: f32 = 0.1;
-/// Decays of the means of the gradient and of its square.
+const LEARNING_RATE: f32 = 0.1;
+/// Adam's β₁ and β₂.
 const BETAS: (f32, f32) = (0.9, 0.99);
 
-/// A number that a feature is a function of, and the means that Adam keeps of its gradient.
+/// An unconstrained parameter with Adam's moments.
 #[derive(Clone, Copy, Default)]
 struct Fitted {
     raw: f32,
@@ -19,7 +20,7 @@ struct Fitted {
     mean_square: f32,
 }
 
-/// From the true octree, `steps` of Adam on the squared difference of log(1 + radiance).
+/// Fits the true octree by `steps` of Adam on the squared error of log(1 + radiance).
 pub fn fitted_octree(scene: &Scene, steps: usize) -> LightOctree {
     let mut light = scene.truth.clone();
     let first = light.octree.full_depth() as usize;
@@ -35,9 +36,9 @@ pub fn fitted_octree(scene: &Scene, steps: usize) -> LightOctree {
             *rgba = std::array::from_fn(|c| feature(c, fitted[c].raw).0);
         }
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
-        let rays = drawn_panorama_rays(scene.views(), RAYS, &mut lo_random::stream(11, "ceiling", step as u64));
+        let rays = sample_panorama_rays(scene.views(), RAYS, &mut lo_random::stream(11, "ceiling", step as u64));
         let gradients = gradients(&tracer, &rays.cones, &rays.radiance);
-        let rate = RATE / (1.0 + 8.0 * step as f32 / steps as f32);
+        let rate = LEARNING_RATE / (1.0 + 8.0 * step as f32 / steps as f32);
         let corrections = (1.0 - BETAS.0.powi(step as i32 + 1), 1.0 - BETAS.1.powi(step as i32 + 1));
         for (fitted, gradient) in fitted.iter_mut().flatten().zip(gradients[first..].iter().flatten()) {
             for (c, value) in fitted.iter_mut().enumerate() {
@@ -51,7 +52,7 @@ pub fn fitted_octree(scene: &Scene, steps: usize) -> LightOctree {
     light
 }
 
-/// Radiance e^raw or opacity σ(raw), with the derivative.
+/// Returns radiance e^raw or opacity σ(raw), and its derivative.
 fn feature(channel: usize, raw: f32) -> (f32, f32) {
     if channel < 3 {
         (raw.exp(), raw.exp())

@@ -1,15 +1,15 @@
-//! The light network learns: scenes are overfitted and seen from places that it was not trained on.
+//! Overfits the light network to scenes and measures novel views.
 //!
-//! `cargo test --release -p lo_train --test it -- --ignored --nocapture NAME` runs a long one, best alone on the machine:
+//! Long tests run by `cargo test --release -p lo_train --test it -- --ignored --nocapture NAME`:
 //!
-//! | NAME | what | minutes |
+//! | NAME | scene | minutes |
 //! | --- | --- | --- |
 //! | `a_box_room_is_overfitted` | a room of known radiance, d = 6 | 15 |
-//! | `a_generated_room_is_overfitted` | a furnished one, beside what its octree can show at all | 20 |
-//! | `eight_box_rooms_are_overfitted` | of other sizes and colours | 20 |
-//! | `eight_generated_rooms_are_overfitted` | | 60 |
+//! | `a_generated_room_is_overfitted` | a furnished room, compared with the upper bound of its octree | 20 |
+//! | `eight_box_rooms_are_overfitted` | rooms of different sizes and colours | 20 |
+//! | `eight_generated_rooms_are_overfitted` | furnished rooms | 60 |
 //!
-//! `LIGHTOCTREE_MINUTES` makes them train for another time.
+//! `LIGHTOCTREE_MINUTES` overrides the duration.
 
 mod ceiling;
 mod room;
@@ -33,7 +33,7 @@ fn print(what: &str, figures: Figures) {
     println!("{what}: {:.2} dB, log-RMSE {:.4}", figures.psnr_db, figures.log_rmse);
 }
 
-/// Trains on one scene; gives its figures before and after, and the share of the labels that are right.
+/// Trains on one scene. Returns its figures before and after, and the share of correct labels.
 fn overfit(scene: &Scene, config: &LightNetConfig, training: &Training) -> (Figures, Figures, f64) {
     let mut before = None;
     let figures = |net: &LightNet| scene.figures(&scene.completed(&net.valid()));
@@ -84,8 +84,8 @@ fn a_generated_room_is_overfitted() {
     print("the octree fitted without a network", possible);
     let training = Training { until: Until::Minutes(minutes(15.0)), rate: 4e-3, halved_after: 200.0, rays: 8192 };
     let (_, after, right) = overfit(&scene, &config, &training);
-    // Leaves of a decimetre cannot show furniture: not the true octree, and not the best one either, comes to 28 dB. Measured: 23.1 dB, the true
-    // octree 21.7, the fitted one 25.1.
+    // Leaves of a decimetre cannot resolve furniture: neither the true octree nor the fitted one reaches 28 dB.
+    // Measured: 23.1 dB, the true octree 21.7, the fitted one 25.1.
     assert!(after.psnr_db > scene.figures(&scene.truth).psnr_db + 0.5, "{} dB", after.psnr_db);
     assert!(after.psnr_db > possible.psnr_db - 3.0, "{} dB of {}", after.psnr_db, possible.psnr_db);
     assert!(right >= 0.98, "{right}");
@@ -113,11 +113,11 @@ fn eight_generated_rooms_are_overfitted() {
     let net = overfit_all(&scenes, &config, minutes(60.0));
     let (truth, after) = (mean_db(&scenes, |scene| scene.truth.clone()), mean_db(&scenes, |s| s.completed(&net)));
     assert!(scenes.iter().all(|scene| scene.labels_right(&net) >= 0.98));
-    // Leaves of a decimetre cannot show furniture: 24 dB are what the best octree has.
+    // Leaves of a decimetre cannot resolve furniture: the best octree has 24 dB.
     assert!(after > truth + 0.5, "{after} dB, the true octrees {truth}");
 }
 
-/// Trains on several scenes in turn.
+/// Trains on several scenes, one per step in turn.
 fn overfit_all(scenes: &[Scene; 8], config: &LightNetConfig, minutes: f64) -> LightNet {
     println!("the true octrees: {:.2} dB", mean_db(scenes, |scene| scene.truth.clone()));
     let training = Training { until: Until::Minutes(minutes), rate: 4e-3, halved_after: 1600.0, rays: 8192 };
@@ -138,13 +138,13 @@ fn mean_db(scenes: &[Scene; 8], of: impl Fn(&Scene) -> LightOctree) -> f64 {
     scenes.iter().map(|scene| scene.figures(&of(scene)).psnr_db / 8.0).sum()
 }
 
-/// How long to train: the usual time, or `LIGHTOCTREE_MINUTES`.
-fn minutes(usual: f64) -> f64 {
+/// Returns `LIGHTOCTREE_MINUTES`, or else `default`.
+fn minutes(default: f64) -> f64 {
     std::env::var("LIGHTOCTREE_MINUTES")
-        .map_or(usual, |minutes| minutes.parse().expect("LIGHTOCTREE_MINUTES is a number"))
+        .map_or(default, |minutes| minutes.parse().expect("LIGHTOCTREE_MINUTES is a number"))
 }
 
-/// A generated room's sample with many panoramas.
+/// Generates a room and returns its sample, with many panoramas.
 fn generated(index: u64, panoramas: u32) -> Sample {
     let settings = GeneratorConfig { shots: 1, panoramas, octree_depth: 7, ..GeneratorConfig::default() };
     Generator::new(7, settings).unwrap().record(index).unwrap().sample(0)

@@ -1,4 +1,4 @@
-//! Rooms whose light is known in closed form: boxes with striped walls and a bright lamp in the ceiling.
+//! Rooms with radiance in closed form: boxes with shaded walls and a bright lamp in the ceiling.
 
 use lo_dataset::{Metadata, NovelView, Sample};
 use lo_geometry::{Camera, Quat, Vec3};
@@ -6,14 +6,14 @@ use lo_imaging::{DepthMap, Image};
 use lo_octree::{Provenance, RadiancePoint};
 use lo_random::RngExt;
 
-/// A box; the camera is at the world's origin.
+/// A box-shaped room; the camera is at the origin.
 pub struct BoxRoom {
     half: Vec3,
     centre: Vec3,
-    /// Of the walls' stripes: +x, −x, +y, −y, +z, −z.
+    /// Colours of the walls +x, −x, +y, −y, +z, −z.
     colours: [[f32; 3]; 6],
     lamp: [f32; 3],
-    /// Middle of the lamp, in half edges of the ceiling.
+    /// Centre of the lamp, relative to half the edges of the ceiling.
     lamp_at: [f32; 2],
 }
 
@@ -26,7 +26,7 @@ impl BoxRoom {
         lamp_at: [0.0; 2],
     };
 
-    /// One of many, of another size and in other colours.
+    /// Draws a room of random size and colours.
     pub fn drawn(index: u64) -> Self {
         let mut stream = lo_random::stream(5, "box rooms", index);
         let mut draw = |low: f32, high: f32| stream.random_range(low..high);
@@ -40,7 +40,7 @@ impl BoxRoom {
         }
     }
 
-    /// Radiance of the wall point at `p`, relative to the room's centre.
+    /// Returns the radiance of the wall at `p`, relative to the room's centre.
     fn radiance(&self, p: Vec3) -> [f32; 3] {
         let relative = p / self.half;
         let axis = (0..3).max_by(|&a, &b| relative[a].abs().total_cmp(&relative[b].abs())).unwrap();
@@ -52,7 +52,7 @@ impl BoxRoom {
         self.colours[2 * axis + usize::from(relative[axis] <= 0.0)].map(|c| c * shade)
     }
 
-    /// Distance along a direction from a point inside, relative to the centre, to the wall.
+    /// Returns the distance to the wall from a point inside, relative to the centre.
     fn distance(&self, origin: Vec3, direction: Vec3) -> f32 {
         (0..3)
             .map(|axis| {
@@ -62,7 +62,7 @@ impl BoxRoom {
             .fold(f32::INFINITY, |nearest, t| if t < nearest { t } else { nearest })
     }
 
-    /// A point of the walls, all places alike, relative to the centre.
+    /// Draws a point uniformly on the walls, relative to the centre.
     fn wall_point(&self, stream: &mut impl RngExt) -> Vec3 {
         let half = self.half;
         let mut p = Vec3::from_array(std::array::from_fn(|_| stream.random_range(-1.0f32..1.0)));
@@ -79,7 +79,7 @@ impl BoxRoom {
         p * half
     }
 
-    /// With so many panoramas of 96 × 48.
+    /// Returns a sample with `views` panoramas of 96 × 48 pixels.
     pub fn sample(&self, views: usize) -> Sample {
         let Self { half, centre, .. } = *self;
         let camera = Camera::from_hfov_deg(75.0, 120, 80).unwrap();

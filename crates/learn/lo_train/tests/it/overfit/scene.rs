@@ -1,4 +1,4 @@
-//! A scene to learn from: what is seen of it, its truth, panoramas, and how well an octree shows those that were held out.
+//! A scene to overfit: its visible points, true octree and panoramas, some of which are held out.
 
 use burn::tensor::Tensor;
 use lo_cone::{ConeTracer, Settings};
@@ -7,7 +7,7 @@ use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Image};
 use lo_nets::light::{Growth, LightInput, LightNet, LightNetConfig, Rays, VisiblePoint};
 use lo_octree::LightOctree;
-use lo_train::{drawn_panorama_rays, panorama_rays};
+use lo_train::{panorama_rays, sample_panorama_rays};
 
 /// Linear values from here on count as clipped in a photo.
 pub const WHITE: f32 = 0.99;
@@ -20,7 +20,7 @@ pub struct Scene {
     held_out: Vec<NovelView>,
 }
 
-/// How near to the true panoramas an octree's are.
+/// Errors of an octree's panoramas.
 #[derive(Clone, Copy, Debug)]
 pub struct Figures {
     /// PSNR of values encoded as sRGB and clipped to [0, 1].
@@ -30,7 +30,7 @@ pub struct Figures {
 }
 
 impl Scene {
-    /// In a cube around the whole room. Every `stride`th panorama, from the middle of the first stride on, is held out.
+    /// Prepares a scene in a cube around the whole room. Every `stride`th panorama is held out.
     pub fn new(mut sample: Sample, stride: usize, config: &LightNetConfig) -> Self {
         let positions = || sample.points.iter().map(|p| p.position_m);
         let (low, high) = (positions().reduce(Vec3::min).unwrap(), positions().reduce(Vec3::max).unwrap());
@@ -51,15 +51,15 @@ impl Scene {
         }
     }
 
-    /// Rays of the panoramas that are not held out, and of the photo.
+    /// Draws rays of the training panoramas and of the photo.
     pub fn rays(&self, count: usize, step: u64) -> (Rays, Rays) {
         let mut stream = lo_random::stream(11, "rays", step);
         let depth_m: &DepthMap = self.sample.depth_m.as_ref().unwrap();
-        let novel = drawn_panorama_rays(&self.sample.views, count * 3 / 4, &mut stream);
+        let novel = sample_panorama_rays(&self.sample.views, count * 3 / 4, &mut stream);
         (novel, Rays::of_photo(&self.photo, depth_m, &self.sample.camera, WHITE, count / 4, &mut stream))
     }
 
-    /// Of the held-out panoramas.
+    /// Measures an octree on the held-out panoramas.
     pub fn figures(&self, light: &LightOctree) -> Figures {
         let (mut squares, mut logs, mut count) = (0.0, 0.0, 0.0);
         for view in &self.held_out {
@@ -78,12 +78,12 @@ impl Scene {
         Figures { psnr_db: -10.0 * (squares / count).log10(), log_rmse: (logs / count).sqrt() }
     }
 
-    /// The network's octree, grown by its own predictions.
+    /// Returns the network's octree, grown by its own predictions.
     pub fn completed(&self, net: &LightNet) -> LightOctree {
         net.forward(&self.input, None, Growth::Predicted).unwrap().into_light().unwrap().0
     }
 
-    /// Share of the split labels that are right on the true tree.
+    /// Returns the share of correct split labels along the true octree.
     pub fn labels_right(&self, net: &LightNet) -> f64 {
         let output = net.forward(&self.input, None, Growth::Truth(&self.truth.octree)).unwrap();
         let levels = &self.truth.octree.levels()[self.truth.octree.full_depth() as usize..];
@@ -96,7 +96,7 @@ impl Scene {
         right as f64 / all as f64
     }
 
-    /// Panoramas to learn from.
+    /// Returns the training panoramas.
     pub fn views(&self) -> &[NovelView] {
         &self.sample.views
     }

@@ -1,4 +1,4 @@
-//! Training as the tests do it: rays of one scene a step, along the true tree.
+//! Training loop of the tests: rays of one scene per step, along the true octree.
 
 use std::time::{Duration, Instant};
 
@@ -9,27 +9,29 @@ use lo_nets::light::{Growth, LightLossConfig, LightLosses, LightNet, LightNetCon
 
 use super::scene::{Scene, numbers};
 
-/// When to stop.
+/// Duration of training.
 #[derive(Clone, Copy)]
 pub enum Until {
     Steps(u64),
     Minutes(f64),
 }
 
-/// How to train.
+/// Options of the training loop.
 #[derive(Clone, Copy)]
 pub struct Training {
     pub until: Until,
-    /// Learning rate of the first step; there is no warm-up.
+    /// Initial learning rate, without warm-up.
     pub rate: f64,
-    /// Steps until the rate is half of the first. In the last fifth it goes down to nothing.
+    /// Steps until the learning rate has halved. In the last fifth it decays to 0.
     pub halved_after: f64,
-    /// Rays a step, a quarter of them of the photo.
+    /// Rays per step, a quarter of them of the photo.
     pub rays: usize,
 }
 
 impl Training {
-    /// A network from scratch; `scene_of` says from which scene each step is, and `report` is called twenty times with the network and what is done,
+    /// Trains a network from scratch.
+    ///
+    /// `scene_of` returns the scene of a step. `report` is called twenty times with the network and the progress,
     /// 0 to 1.
     pub fn run<S: std::ops::Deref<Target = Scene>>(
         &self,

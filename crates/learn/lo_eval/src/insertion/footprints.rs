@@ -1,45 +1,46 @@
-//! Where objects stand: places of the photo on level surfaces, with room for all of them.
+//! Footprints for objects: visible points on level surfaces with enough free space for every object.
 
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::PreparedModel;
 use lo_random::RngExt;
 use lo_synth::{CameraPose, Interior};
 
-use super::objects::Kind;
+use super::objects::TestObject;
 
-/// Places of a photo.
-pub(crate) const MAX_PLACES: usize = 3;
+/// Largest number of footprints per photo.
+pub(crate) const MAX_FOOTPRINTS: usize = 3;
 
-/// Pixels of the photo that are tried.
+/// Number of random pixels to try.
 const TRIES: usize = 600;
 
-/// Metres along the optical axis.
+/// Range of depth, metres along the optical axis.
 const DEPTH_M: (f32, f32) = (0.9, 4.5);
 
-/// Radius of the spheres, as a share of the photo's width on which it appears.
+/// Apparent radius of the spheres as a share of the photo's width.
 const RADIUS_SHARE: f32 = 0.042;
 
-/// Places lie so many radii apart.
-const APART: f32 = 8.0;
+/// Smallest distance between footprints, radii.
+const MIN_DISTANCE_RADII: f32 = 8.0;
 
-/// Farthest that light is followed, metres.
+/// Length of rays, metres.
 const FAR_M: f32 = 100.0;
 
-/// Where an object stands, in the room's frame.
+/// Position of an object in the room's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
-    /// The pixel where its base is seen.
+pub(crate) struct Footprint {
+    /// Pixel at which the centre of the base appears.
     pub pixel: [f64; 2],
-    /// Middle of the base.
+    /// Centre of the base.
     pub base_m: Vec3,
     /// Radius of the spheres.
     pub radius_m: f32,
 }
 
-impl Place {
-    /// Distance in radii between the object's foot and the point of the level plane below it that the photo shows at a
-    /// place; infinite above the horizon.
-    pub fn radii_from_foot(&self, view: &CameraPose, [u, v]: [f64; 2]) -> f32 {
+impl Footprint {
+    /// Returns the distance, in radii, from the base to the point of its level plane that appears at a pixel.
+    ///
+    /// Infinite above the horizon.
+    pub fn radii_from_base(&self, view: &CameraPose, [u, v]: [f64; 2]) -> f32 {
         let direction = view.pose.rotation * view.camera.direction(u, v);
         let along = (self.base_m.y - view.pose.position.y) / direction.y;
         let point = view.pose.position + direction * along;
@@ -47,20 +48,22 @@ impl Place {
     }
 }
 
-/// Up to three places of a photo; none where it shows no free level surface.
+/// Finds up to three footprints in a photo; none if it shows no free level surface.
 ///
-/// `model` is the interior's.
-pub(crate) fn places(interior: &Interior, model: &PreparedModel, view: &CameraPose, seed: u64) -> Vec<Place> {
+/// `model` is the interior's model.
+pub(crate) fn footprints(interior: &Interior, model: &PreparedModel, view: &CameraPose, seed: u64) -> Vec<Footprint> {
     let mut random = lo_random::stream(seed, "places of objects", lo_random::hash(interior.id.as_bytes()));
     let (width, height) = (f64::from(view.camera.width), f64::from(view.camera.height));
-    let mut found: Vec<Place> = Vec::new();
+    let mut found: Vec<Footprint> = Vec::new();
     for _ in 0..TRIES {
         let pixel = [random.random_range(0.1..0.9) * width, random.random_range(0.2..0.92) * height];
-        let Some(place) = place(interior, model, view, pixel) else { continue };
-        let apart = |other: &Place| (other.base_m - place.base_m).length() > APART * other.radius_m.max(place.radius_m);
-        if found.iter().all(apart) {
-            found.push(place);
-            if found.len() == MAX_PLACES {
+        let Some(footprint) = footprint_at(interior, model, view, pixel) else { continue };
+        let is_apart = |other: &Footprint| {
+            (other.base_m - footprint.base_m).length() > MIN_DISTANCE_RADII * other.radius_m.max(footprint.radius_m)
+        };
+        if found.iter().all(is_apart) {
+            found.push(footprint);
+            if found.len() == MAX_FOOTPRINTS {
                 break;
             }
         }
@@ -68,8 +71,8 @@ pub(crate) fn places(interior: &Interior, model: &PreparedModel, view: &CameraPo
     found
 }
 
-/// A pixel, where it shows a level surface on which all objects stand freely and are seen whole.
-fn place(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [f64; 2]) -> Option<Place> {
+/// Returns the footprint at a pixel, if all objects fit there on a level surface and are entirely visible.
+fn footprint_at(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [f64; 2]) -> Option<Footprint> {
     let (camera, pose) = (&view.camera, &view.pose);
     let direction = (pose.rotation * camera.direction(pixel[0], pixel[1])).normalize();
     let hit = model.intersect_both_sides(&Ray { origin: pose.position, direction }, FAR_M)?;
@@ -87,8 +90,9 @@ fn place(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [
     };
     let is_free =
         |height: f32, margin: f32| interior.is_free(base_m + Vec3::Y * (height * radius_m), margin * radius_m);
-    let has_room = is_free(1.0, 0.95) && [1.0, 2.0, 3.0, 4.0, Kind::Pole.height()].iter().all(|&h| is_free(h, 0.4));
-    // Seen whole: the sphere's outline, and the pole.
+    let has_room =
+        is_free(1.0, 0.95) && [1.0, 2.0, 3.0, 4.0, TestObject::Pole.height()].iter().all(|&h| is_free(h, 0.4));
+    // The sphere's outline and the pole must be visible.
     let shows = |point: Vec3| {
         let local = pose.rotation.inverse() * (point - pose.position);
         let inside = camera.project(local).is_some_and(|(u, v, _)| {
@@ -101,16 +105,17 @@ fn place(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [
         inside && is_open()
     };
     let right = pose.rotation * Vec3::X;
-    let outline = [Vec3::Y, Vec3::new(0.0, 2.0, 0.0), Vec3::Y + right, Vec3::Y - right, Vec3::Y * Kind::Pole.height()];
+    let outline =
+        [Vec3::Y, Vec3::new(0.0, 2.0, 0.0), Vec3::Y + right, Vec3::Y - right, Vec3::Y * TestObject::Pole.height()];
     let shown = || outline.into_iter().all(|offset| shows(base_m + offset * radius_m));
-    ((0..8).all(is_carried) && has_room && shown()).then_some(Place { pixel, base_m, radius_m })
+    ((0..8).all(is_carried) && has_room && shown()).then_some(Footprint { pixel, base_m, radius_m })
 }
 
 fn is_level(model: &PreparedModel, triangle: u32) -> bool {
     normal(model, triangle).y.abs() > 0.999
 }
 
-/// Unit normal of a triangle; 0 of one without area.
+/// Returns the unit normal of a triangle; 0 if it is degenerate.
 pub(crate) fn normal(model: &PreparedModel, triangle: u32) -> Vec3 {
     let model = model.model();
     let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
@@ -131,22 +136,22 @@ mod tests {
             let interior = Interior::generate(5, index, &SynthConfig::default()).unwrap();
             let view = interior.camera_poses(1)[0];
             let model = PreparedModel::new(interior.world.model.clone());
-            let all = places(&interior, &model, &view, 1);
-            assert_eq!(all, places(&interior, &model, &view, 1));
-            for place in &all {
-                let local = view.pose.rotation.inverse() * (place.base_m - view.pose.position);
+            let all = footprints(&interior, &model, &view, 1);
+            assert_eq!(all, footprints(&interior, &model, &view, 1));
+            for footprint in &all {
+                let local = view.pose.rotation.inverse() * (footprint.base_m - view.pose.position);
                 let (u, v, axis_m) = view.camera.project(local).unwrap();
-                assert!((u - place.pixel[0]).abs() < 0.1 && (v - place.pixel[1]).abs() < 0.1, "{place:?}");
+                assert!((u - footprint.pixel[0]).abs() < 0.1 && (v - footprint.pixel[1]).abs() < 0.1, "{footprint:?}");
                 assert!((0.9..4.5).contains(&axis_m));
-                assert!(place.radii_from_foot(&view, place.pixel) < 0.05, "{place:?}");
-                let beside_m = place.base_m + 1.5 * place.radius_m * Vec3::new(0.6, 0.0, 0.8);
+                assert!(footprint.radii_from_base(&view, footprint.pixel) < 0.05, "{footprint:?}");
+                let beside_m = footprint.base_m + 1.5 * footprint.radius_m * Vec3::new(0.6, 0.0, 0.8);
                 let beside = view.camera.project(view.pose.rotation.inverse() * (beside_m - view.pose.position));
                 let (u, v, _) = beside.unwrap();
-                assert!((place.radii_from_foot(&view, [u, v]) - 1.5).abs() < 0.01, "{place:?}");
-                assert!(interior.is_free(place.base_m + Vec3::Y * place.radius_m, 0.9 * place.radius_m));
+                assert!((footprint.radii_from_base(&view, [u, v]) - 1.5).abs() < 0.01, "{footprint:?}");
+                assert!(interior.is_free(footprint.base_m + Vec3::Y * footprint.radius_m, 0.9 * footprint.radius_m));
             }
             for (i, a) in all.iter().enumerate() {
-                let apart = |b: &Place| (a.base_m - b.base_m).length() > 4.0 * a.radius_m;
+                let apart = |b: &Footprint| (a.base_m - b.base_m).length() > 4.0 * a.radius_m;
                 assert!(all[..i].iter().all(apart));
             }
             found += all.len();

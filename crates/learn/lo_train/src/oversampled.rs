@@ -2,20 +2,22 @@ use std::borrow::Cow;
 
 use lo_dataset::{Dataset, DatasetError, Sample, Split};
 
-/// A dataset of which every sample is learned from, several times in an epoch: each time under another name, by which it is varied otherwise.
-pub(crate) struct Repeated<D> {
+/// Repeats every sample of a dataset within an epoch and assigns all of it to training.
+///
+/// Each repetition has its own identifier, and so its own augmentation.
+pub(crate) struct Oversampled<D> {
     samples: D,
     times: usize,
 }
 
-impl<D: Dataset> Repeated<D> {
-    /// So many times.
+impl<D: Dataset> Oversampled<D> {
+    /// Repeats each sample `times` times.
     pub fn new(samples: D, times: usize) -> Self {
         Self { samples, times }
     }
 }
 
-impl<D: Dataset> Dataset for Repeated<D> {
+impl<D: Dataset> Dataset for Oversampled<D> {
     fn len(&self) -> usize {
         self.samples.len() * self.times
     }

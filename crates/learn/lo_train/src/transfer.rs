@@ -1,4 +1,4 @@
-//! From the light network of one octree depth to that of another.
+//! Transfers weights between light networks of different octree depths.
 
 use burn::tensor::Device;
 use lo_nets::checkpoint::Checkpoint;
@@ -7,11 +7,13 @@ use lo_nets::light::{LightConfigError, LightNet, LightNetConfig};
 const OLD: &str = "old";
 const NEW: &str = "new";
 
-/// A network of shape `to` with the weights of `old`, of shape `from`, in all stages that both have; the rest is drawn from the seed.
+/// Returns a network of shape `to` with the weights of `old`, of shape `from`, in all stages that both have.
+///
+/// New stages get random weights from `seed`.
 ///
 /// # Errors
-/// A shape out of range.
-pub(crate) fn deepened(
+/// An invalid shape.
+pub(crate) fn transfer_stages(
     old: &LightNet,
     from: &LightNetConfig,
     to: &LightNetConfig,
@@ -29,10 +31,14 @@ pub(crate) fn deepened(
         let (old, new) = (format!("{OLD}.{}", old_name(name, shift)), format!("{NEW}.{name}"));
         if shapes.contains_key(&old) && shapes.get(&old) == shapes.get(&new) { old } else { new }
     };
-    Ok(both.load_renamed("light_net", new, source).expect("every name is one of the two networks', with its shape"))
+    Ok(both
+        .load_renamed("light_net", new, source)
+        .expect("every name is in one of the two networks, with the same shape"))
 }
 
-/// The encoder's stages are counted from the finest, everything else from the coarsest.
+/// Returns the name of a parameter in the old network.
+///
+/// Encoder stages are numbered from the finest, all others from the coarsest.
 fn old_name(name: &str, shift: i64) -> String {
     let parts: Vec<&str> = name.splitn(3, '.').collect();
     match parts[..] {
@@ -56,10 +62,10 @@ mod tests {
         let coarse = LightNetConfig { depth: 5, channels: finest.stage_channels(5), ..finest.clone() };
         let device = Device::flex();
         let old = LightNet::new(&coarse, 1, &device).unwrap();
-        let new = deepened(&old, &coarse, &finest, 2, &device).unwrap();
+        let new = transfer_stages(&old, &coarse, &finest, 2, &device).unwrap();
         let same = |a: &burn::tensor::Tensor<2>, b: &burn::tensor::Tensor<2>| a.to_data() == b.to_data();
         let first = |stage: &lo_nets::light::Stage| stage.blocks[0].first.weights.val();
-        // The encoder of graph 5 is the second of the new network, the first of the old one.
+        // The encoder stage of depth 5 is the second of the new network and the first of the old one.
         assert!(same(&first(&new.encoder[1]), &first(&old.encoder[0])));
         assert!(same(&first(&new.encoder[2]), &first(&old.encoder[1])));
         assert!(same(&new.down[1].weights.val(), &old.down[0].weights.val()));
