@@ -36,7 +36,7 @@ fn views_measure_depth_and_normals() {
         assert!((Vec3::from(made.normal[pixel]) - Vec3::Z).length() < 1e-4);
         assert_eq!(made.albedo[pixel], [0.73; 3]);
     }
-    // A panorama measures along the ray.
+    // A panorama's depth is measured along the ray.
     let made = baked.render(&panorama(Vec3::new(1.5, 4.6, 2.7), 32));
     let direction = lo_geometry::pixel_direction(30, 15, 64, 32);
     assert!((made.depth_m[(30, 15)] - 5.5 / -direction.z).abs() < 1e-2);
