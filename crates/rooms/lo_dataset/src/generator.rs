@@ -290,7 +290,7 @@ impl Generator {
             specular: &seen.specular,
         };
         let sensor_depth_m = sensor.measure(&before_sensor, &mut depth);
-        seen.radiance = settings.lit(seen.radiance, &before_sensor);
+        seen.radiance = settings.with_flash(seen.radiance, &before_sensor);
         let taken = settings.photograph(&seen.radiance, &camera, &mut photo);
         let [r, g, b] = taken.gains;
         Shot {
