@@ -1,4 +1,4 @@
-//! Jobs that fill a folder of shards, and that can be stopped and repeated.
+//! Resumable jobs that fill a folder of shards.
 
 use std::sync::Arc;
 
@@ -8,36 +8,37 @@ use crate::prefetch::Prefetch;
 use crate::shard::write_shard;
 use crate::{Dataset, DatasetError, Generator, LoadError, Loader, LoaderConfig, Record, ShardFolder};
 
-/// Rooms that are made at a time, where there are as many threads: each of them needs some hundred megabytes, and the loops over its rays use all threads.
+/// Maximum number of rooms that are generated in parallel. Each needs some hundred megabytes, and its ray loops use all
+/// threads.
 const MAX_ROOMS_AT_A_TIME: usize = 4;
 
-/// The part of a folder's shards that one of several runs makes: every `of`-th, from number `first` on.
+/// The shards of a folder that one of several runs makes: every `count`-th, starting at `index`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShardPart {
-    /// Below `of`.
+    /// Index of the run, below `count`.
     pub first: usize,
-    /// Runs, at least 1.
+    /// Number of runs, at least 1.
     pub of: usize,
 }
 
-/// What a run did for a folder of shards.
+/// Result of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShardCount {
-    /// Shards of its part.
+    /// Shards of this run's part.
     pub all: usize,
-    /// Those of them that are there now: fewer than all where the run was cancelled.
+    /// Finished shards of the part. Fewer than `total` if the run was cancelled.
     pub there: usize,
-    /// Those that it wrote.
+    /// Shards written by this run.
     pub written: usize,
 }
 
-/// Why a folder of shards could not be filled. The shards that were finished are there.
+/// Failure of a shard job. Finished shards are kept.
 #[derive(Debug, thiserror::Error)]
 pub enum FillError {
     /// A sample cannot be read.
     #[error(transparent)]
     Sample(Box<LoadError>),
-    /// A room cannot be generated, or a file not be written.
+    /// A room cannot be generated, or a file cannot be written.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
 }
@@ -48,15 +49,15 @@ impl From<LoadError> for FillError {
     }
 }
 
-/// Generates these rooms, `per_shard` (at least 1) in an archive, where their archive is not there yet.
+/// Generates the missing shards of these rooms, with `per_shard` (at least 1) rooms per archive.
 ///
-/// Where the handler asks for the end, the shard in hand is finished first.
+/// If the handler cancels, the current shard is finished first.
 ///
 /// # Errors
-/// Of the first room or file that fails.
+/// Error of the first room or file that fails.
 ///
 /// # Panics
-/// Where `per_shard` or the number of runs is 0.
+/// If `per_shard` or the number of runs is 0.
 pub fn generate_shards(
     folder: &ShardFolder,
     generator: &Generator,
@@ -91,15 +92,16 @@ pub fn generate_shards(
     Ok(ShardCount { all, there: all - todo.len() + written, written })
 }
 
-/// Writes a dataset's samples, `per_shard` (at least 1) in an archive, where their archive is not there yet; `threads` read them.
+/// Converts a dataset to shards with `per_shard` (at least 1) samples per archive, skipping finished ones. `threads`
+/// threads read the samples.
 ///
-/// Where the handler asks for the end, the shard in hand is finished first.
+/// If the handler cancels, the current shard is finished first.
 ///
 /// # Errors
-/// Of the first sample or file that fails.
+/// Error of the first sample or file that fails.
 ///
 /// # Panics
-/// Where `per_shard` is 0.
+/// If `per_shard` is 0.
 pub fn convert_to_shards(
     folder: &ShardFolder,
     dataset: &Arc<dyn Dataset>,
@@ -113,7 +115,7 @@ pub fn convert_to_shards(
     let total = todo.iter().map(|&shard| samples_of(shard).len()).sum();
     let mut steps = Steps::begin(on_event, Stage::ReadSamples, total);
     let mut written = 0;
-    // one loader for each run of missing shards, so that it reads ahead from one shard into the next
+    // One loader per run of consecutive missing shards, so that it prefetches across shards.
     'runs: for run in todo.chunk_by(|a, b| a + 1 == *b) {
         let config = LoaderConfig { shuffle: false, threads, ..LoaderConfig::default() };
         let mut samples = Loader::from_sample(Arc::clone(dataset), config, samples_of(run[0]).start);
@@ -171,7 +173,7 @@ mod tests {
         let mut heard = 0;
         let mut cancel = |event: Event| {
             heard += u32::from(matches!(event, Event::Progress { .. }));
-            // in the middle of the second shard
+            // In the middle of the second shard.
             if heard == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let count = convert_to_shards(&folder, &dataset, 3, 2, &mut cancel).unwrap();

@@ -10,25 +10,26 @@ use serde_json::json;
 use crate::sample::Metadata;
 use crate::{DatasetError, NovelView, Record, Shot};
 
-/// What is made of a seed. Every field has a default, so that a file need name only what differs.
+/// Configuration of generated rooms. Every field has a default, so a file only needs the fields that differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GeneratorConfig {
-    /// Rooms, cameras and what is outside.
+    /// Rooms, cameras and outdoors.
     pub room: SynthConfig,
-    /// The camera that makes the photos.
+    /// Photo cameras.
     pub photo: PhotoModel,
-    /// The depth sensor.
+    /// Depth sensors.
     pub depth: DepthModel,
-    /// How finely light is sampled.
+    /// Sampling settings of the light transport.
     pub light: LightSampling,
-    /// Photos of each room, at least 1.
+    /// Photos per room, at least 1.
     pub shots: u32,
-    /// Panoramas of each room; each stands in the frustum of one of the photos, in turn.
+    /// Panoramas per room. They are distributed over the photos; each is inside the frustum of its photo.
     pub panoramas: u32,
-    /// Rows of a panorama, which is twice as wide.
+    /// Height of a panorama, which is twice as wide.
     pub panorama_height: u32,
-    /// Depth of the octree that the surface points are made for: eight points for the face of a leaf of the cube around the room.
+    /// Depth of the octree that the surface points are made for: eight points per leaf face of the cube around the
+    /// room.
     pub octree_depth: u32,
 }
 
@@ -71,34 +72,34 @@ impl Default for LightSampling {
     }
 }
 
-/// A setting that is out of range.
+/// A setting is out of range.
 #[derive(Debug, thiserror::Error)]
 pub enum GeneratorError {
-    /// Of rooms and cameras.
+    /// A setting of rooms and cameras.
     #[error("room: {0}")]
     Room(#[from] SynthError),
-    /// The distance of cache points.
-    #[error("light.spacing_m is {0}; it must lie in 0.02 to 1")]
+    /// Distance of cache points.
+    #[error("light.spacing_m is {0}; it must be between 0.02 and 1")]
     Spacing(f32),
-    /// A number.
-    #[error("{field} is {value}; it must lie in {min} to {max}")]
+    /// An integer.
+    #[error("{field} is {value}; it must be between {min} and {max}")]
     Range {
-        /// Its name.
+        /// Name of the field.
         field: &'static str,
-        /// What it is.
+        /// Its value.
         value: u32,
-        /// The least that it may be.
+        /// Smallest allowed value.
         min: u32,
-        /// The most that it may be.
+        /// Largest allowed value.
         max: u32,
     },
 }
 
 impl GeneratorConfig {
-    /// Checks what types cannot say.
+    /// Checks the ranges of all fields.
     ///
     /// # Errors
-    /// Names the field and its range.
+    /// If a field is out of range; the error names it and its range.
     pub fn validate(&self) -> Result<(), GeneratorError> {
         self.room.validate()?;
         if !(0.02..=1.0).contains(&self.light.spacing_m) {
@@ -120,7 +121,8 @@ impl GeneratorConfig {
     }
 }
 
-/// Makes rooms with global light, their photos and panoramas; endless, the same for the same seed on any machine.
+/// Generates rooms with global illumination, photos and panoramas. Endless, and identical for the same seed on any
+/// machine.
 #[derive(Clone, Debug)]
 pub struct Generator {
     seed: u64,
@@ -128,35 +130,37 @@ pub struct Generator {
 }
 
 impl Generator {
+    /// Creates a generator.
+    ///
     /// # Errors
-    /// Settings out of range, with the field's name.
+    /// If a field is out of range; the error names it.
     pub fn new(seed: u64, config: GeneratorConfig) -> Result<Self, GeneratorError> {
         config.validate()?;
         Ok(Self { seed, config })
     }
 
-    /// What was set.
+    /// Returns the configuration.
     pub fn config(&self) -> &GeneratorConfig {
         &self.config
     }
 
-    /// Name of room `index`; its split is [`Split::of`](crate::Split::of) it.
+    /// Returns the name of room `index`. [`Split::of`](crate::Split::of) it is the room's split.
     pub fn scene_id(&self, index: u64) -> String {
         format!("synth-{}-{index:06}", self.seed)
     }
 
-    /// Room `index` before any light, for exporting it.
+    /// Generates room `index` without light transport, for export.
     ///
     /// # Errors
-    /// A folder of outdoor panoramas that cannot be read.
+    /// If a folder of outdoor panoramas cannot be read.
     pub fn interior(&self, index: u64) -> Result<Interior, DatasetError> {
         Interior::generate(self.seed, index, &self.config.room).map_err(|error| self.failed(index, error))
     }
 
-    /// Room `index` with everything that is known of it.
+    /// Generates room `index` with light, photos and panoramas.
     ///
     /// # Errors
-    /// A folder of outdoor panoramas that cannot be read; rooms that light transport refuses.
+    /// If a folder of outdoor panoramas cannot be read, or light transport rejects the room.
     pub fn record(&self, index: u64) -> Result<Record, DatasetError> {
         let interior = self.interior(index)?;
         let cameras = interior.camera_poses(self.config.shots as usize);
@@ -164,11 +168,11 @@ impl Generator {
         self.taken(index, interior, &cameras, &probes, Devices::Each)
     }
 
-    /// Room `index` with photos that one device takes from these cameras: exposure and white balance are each one's own, response curve and sensors are
-    /// common. All panoramas stand in the first one's frustum.
+    /// Generates room `index` with photos that one device takes from the given cameras. Exposure and white balance vary
+    /// between photos; response curve and sensors are shared. All panoramas are in the frustum of the first photo.
     ///
     /// # Errors
-    /// As of [`record`](Self::record).
+    /// See [`record`](Self::record).
     pub fn record_by_one_device(
         &self,
         index: u64,
@@ -180,7 +184,7 @@ impl Generator {
         self.taken(index, interior, &cameras, &probes, Devices::One)
     }
 
-    /// Photos by these cameras, with panoramas at these places.
+    /// Makes a record with photos by these cameras and panoramas at these probe positions.
     fn taken(
         &self,
         index: u64,
@@ -204,7 +208,7 @@ impl Generator {
         let views = probes.iter().map(|&(_, position_m)| self.view(&baked, position_m)).collect();
         let mut shots = Vec::with_capacity(cameras.len());
         for (i, camera) in cameras.iter().enumerate() {
-            // each photo has streams of its own: another number of photos changes none of them
+            // Each photo has its own random streams, so that the number of photos changes none of them.
             let number = index * 64 + i as u64;
             let stream = |name| lo_random::stream(self.seed, name, number);
             let (mut photo, mut depth) = (stream("photo"), stream("depth sensor"));
@@ -237,10 +241,11 @@ impl Generator {
         Ok(record)
     }
 
-    /// Room `index`, which is `interior`, with one photo and with panoramas at these places of the room's frame.
+    /// Makes a record of room `index`, which is `interior`, with one photo and with panoramas at the given positions in
+    /// the room's frame.
     ///
     /// # Errors
-    /// Rooms that light transport refuses.
+    /// If light transport rejects the room.
     pub fn record_with_panoramas(
         &self,
         index: u64,
@@ -252,7 +257,7 @@ impl Generator {
         self.taken(index, interior, std::slice::from_ref(camera), &probes, Devices::Each)
     }
 
-    /// Places of the panoramas, each with the photo in whose frustum it stands.
+    /// Returns the positions of the panoramas, each with the photo in whose frustum it is.
     fn probes(&self, interior: &Interior, cameras: &[CameraPose]) -> Vec<(usize, Vec3)> {
         let (total, shots) = (self.config.panoramas as usize, cameras.len().max(1));
         let places = cameras.iter().enumerate().flat_map(|(i, camera)| {
@@ -319,17 +324,17 @@ impl Generator {
     }
 }
 
-/// Whose photos of a room are.
+/// Assigns devices to photos.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Devices {
-    /// Each photo is another device's.
+    /// Each photo has its own device.
     Each,
-    /// All are one device's.
+    /// One device takes all photos.
     One,
 }
 
-/// Light that is no number must never reach a network: an error says where it is. Negative light, a filter's undershoot, counts as 0,
-/// as the octree takes it.
+/// Rejects NaN and infinite radiance, which must never reach a network. Negative radiance, a filter's undershoot, is
+/// clamped to 0, as in the octree.
 fn check_light(record: &mut Record) -> Result<(), String> {
     fn check<'a>(what: &str, light: impl Iterator<Item = &'a mut [f32; 3]>) -> Result<(), String> {
         for (place, rgb) in light.enumerate() {
@@ -350,7 +355,7 @@ fn check_light(record: &mut Record) -> Result<(), String> {
     Ok(())
 }
 
-/// Edge of a leaf of the cube around a room's triangles.
+/// Returns the leaf edge of the cube around a room's triangles.
 fn leaf_edge_m(interior: &Interior, depth: u32) -> f32 {
     let positions = &interior.world.model.positions;
     let low = positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
@@ -358,7 +363,7 @@ fn leaf_edge_m(interior: &Interior, depth: u32) -> f32 {
     (high - low).max_element().max(1.0) / (1u32 << depth) as f32
 }
 
-/// Panoramas made for photo `shot`, then the others that it shows.
+/// Returns the panoramas made for photo `shot`, then the others that it observes.
 fn own_first(probes: &[(usize, Vec3)], shot: usize, shows: impl Fn(Vec3) -> bool) -> Vec<usize> {
     let own = (0..probes.len()).filter(|&i| probes[i].0 == shot);
     let others = (0..probes.len()).filter(|&i| probes[i].0 != shot && shows(probes[i].1));
@@ -366,7 +371,7 @@ fn own_first(probes: &[(usize, Vec3)], shot: usize, shows: impl Fn(Vec3) -> bool
 }
 
 impl Shot {
-    /// Whether a place of the record's frame lies in the picture, before the surface seen there or before the sky.
+    /// Whether a position in the record's frame projects into the photo and is in front of the surface or sky there.
     fn shows(&self, position_m: Vec3) -> bool {
         let inside = |depth: &DepthMap| {
             let local = self.rotation.inverse() * (position_m - self.position_m);

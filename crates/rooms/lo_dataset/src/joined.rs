@@ -3,16 +3,16 @@ use std::sync::Arc;
 
 use crate::{Dataset, DatasetError, Sample, Split};
 
-/// Several datasets one after the other.
+/// Concatenation of several datasets.
 pub struct Joined(Vec<Arc<dyn Dataset>>);
 
 impl Joined {
-    /// In this order.
+    /// Concatenates datasets in this order.
     pub fn new(parts: Vec<Arc<dyn Dataset>>) -> Self {
         Self(parts)
     }
 
-    /// The part that holds a sample, and its index there.
+    /// Returns the dataset that holds a sample, and the sample's index there.
     fn part(&self, index: usize) -> Option<(&dyn Dataset, usize)> {
         let mut rest = index;
         for part in &self.0 {

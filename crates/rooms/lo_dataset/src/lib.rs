@@ -1,6 +1,8 @@
-//! Samples for training and evaluation, behind one interface: generated on the fly, in shards, or published by others.
+//! Samples for training and evaluation behind one interface: generated on the fly, read from shards, or from published
+//! datasets.
 //!
-//! A [`Dataset`] gives samples by number; a [`Loader`] goes through one: shuffled, split by scene, made ahead by threads, resumable.
+//! A [`Dataset`] returns samples by index. A [`Loader`] iterates over it: shuffled, split by scene, prefetched by
+//! threads, resumable.
 
 mod error;
 mod fill;

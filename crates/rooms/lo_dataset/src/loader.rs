@@ -1,4 +1,4 @@
-//! One way to iterate over any dataset: shuffled, split, prefetched, resumable.
+//! Iteration over any dataset: shuffled, split, prefetched, resumable.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -8,19 +8,20 @@ use crate::order::Permutation;
 use crate::prefetch::Prefetch;
 use crate::{Dataset, Sample};
 
-/// Gives out a dataset's samples one after the other, made ahead by threads of its own.
+/// Iterates over a dataset's samples, prefetched by its own threads.
 ///
-/// The order depends on the seed alone. A sample that cannot be made comes as an error in its place; the iteration goes on after it. A panic
-/// of the dataset goes on in the thread that asks for the sample. Dropping the loader stops its threads after the block at hand.
+/// The order depends only on the seed. A sample that cannot be made is returned as an error, and the iteration
+/// continues. A panic of the dataset is propagated to the thread that requests the sample. Dropping the loader stops
+/// its threads after their current block.
 pub struct Loader {
     made: Prefetch<Vec<Made>>,
-    /// Blocks of an epoch.
+    /// Blocks per epoch.
     blocks: u64,
-    /// Samples of the block at hand.
+    /// Remaining samples of the current block.
     current: VecDeque<Made>,
     state: LoaderState,
     epochs: Option<u64>,
-    /// Blocks since the last sample: a whole epoch without one ends the iteration.
+    /// Consecutive blocks without a sample. A whole epoch of them ends the iteration.
     barren: u64,
 }
 
@@ -30,7 +31,7 @@ impl Loader {
         Self::resume(dataset, config, LoaderState::default())
     }
 
-    /// Starts where another loader of the same dataset and configuration [stood](Self::state).
+    /// Resumes at the [state](Self::state) of another loader of the same dataset and configuration.
     pub fn resume(dataset: Arc<dyn Dataset>, config: LoaderConfig, state: LoaderState) -> Self {
         let source = Blocks::new(dataset, config, state);
         let blocks = source.count;
@@ -38,19 +39,19 @@ impl Loader {
         Self { made, blocks, current: VecDeque::new(), state, epochs: config.epochs, barren: 0 }
     }
 
-    /// Starts at sample `index`, where nothing is shuffled.
+    /// Starts at sample `index`. Only meaningful without shuffling.
     pub fn from_sample(dataset: Arc<dyn Dataset>, config: LoaderConfig, index: usize) -> Self {
         let size = dataset.block().max(1);
         let state = LoaderState { epoch: 0, block: (index / size) as u64, sample: (index % size) as u64 };
         Self::resume(dataset, config, state)
     }
 
-    /// Where the next sample stands.
+    /// Returns the position of the next sample.
     pub fn state(&self) -> LoaderState {
         self.state
     }
 
-    /// Waits for the next block; `None` at the end.
+    /// Waits for the next block. `None` at the end.
     fn next_block(&mut self) -> Option<Vec<Made>> {
         let ended = self.epochs.is_some_and(|epochs| self.state.epoch >= epochs);
         (self.blocks > 0 && self.barren < self.blocks && !ended).then(|| self.made.next())
@@ -88,17 +89,17 @@ impl Iterator for Loader {
     }
 }
 
-/// A sample, and how many of its block come before it.
+/// Sample with its position in the block.
 struct Made {
     number: u64,
     result: Result<Sample, LoadError>,
 }
 
-/// A dataset's blocks in the order in which they are given out.
+/// A dataset's blocks in the order of iteration.
 struct Blocks {
     dataset: Arc<dyn Dataset>,
     config: LoaderConfig,
-    /// Of an epoch.
+    /// Blocks per epoch.
     count: u64,
     first: LoaderState,
 }
@@ -109,7 +110,7 @@ impl Blocks {
         Self { dataset, config, count, first }
     }
 
-    /// The block that is the `number`-th from the first one; `None` beyond the last epoch.
+    /// Makes block `number`, counted from the first one. `None` beyond the last epoch.
     fn make(&self, number: u64) -> Option<Vec<Made>> {
         let from_start = self.first.block.min(self.count).checked_add(number)?;
         let epoch = self.first.epoch.checked_add(from_start.checked_div(self.count)?)?;
@@ -149,7 +150,7 @@ mod tests {
     use crate::sample::tests::sample;
     use crate::{DatasetError, Split};
 
-    /// Samples that say their index; one of them is broken, and later ones are faster than earlier ones.
+    /// Samples whose id is their index. One may be broken, and later ones are faster than earlier ones.
     struct Numbers {
         count: usize,
         block: usize,
@@ -178,7 +179,7 @@ mod tests {
             if self.broken == Some(index) {
                 return Err(DatasetError::Index { index, len: self.count });
             }
-            assert!(index != 9_999, "number 9999 must not be asked for");
+            assert!(index != 9_999, "sample 9999 must not be requested");
             Ok(Sample { id: index.to_string(), ..sample() })
         }
 
@@ -241,7 +242,7 @@ mod tests {
         };
         let (train, validation) = (load(Split::Train), load(Split::Validation));
         assert_eq!(train.len() + validation.len(), 400);
-        // one of ten of 100 scenes, deviation 3
+        // One in ten of 100 scenes, standard deviation 3.
         assert!((4..80).contains(&validation.len()), "{}", validation.len());
         let scene = |id: &String| id.parse::<usize>().unwrap() / 4;
         assert!(validation.iter().all(|v| train.iter().all(|t| scene(t) != scene(v))));
@@ -253,7 +254,7 @@ mod tests {
         let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
         let all = ids(Loader::new(dataset, config));
         assert_eq!(all.len(), 10);
-        assert_eq!(all[5], "sample 5 (scene room-5): sample 5 of 10");
+        assert_eq!(all[5], "sample 5 (scene room-5): sample index 5 is out of range; the dataset has 10 samples");
         assert_eq!(all[6], "6");
     }
 
@@ -273,7 +274,7 @@ mod tests {
     fn nothing_to_give_ends_even_without_an_end() {
         let forever = LoaderConfig { epochs: None, ..LoaderConfig::default() };
         assert_eq!(Loader::new(Arc::new(Numbers::new(0)), forever).count(), 0);
-        // a single scene lies in one of the splits
+        // A single scene belongs to one of the splits.
         let one = |split| {
             Loader::new(Arc::new(Numbers::new(1)), LoaderConfig { split: Some(split), ..forever }).take(5).count()
         };
@@ -281,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "number 9999")]
+    #[should_panic(expected = "sample 9999")]
     fn a_panic_of_the_dataset_reaches_the_caller() {
         let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
         Loader::resume(Arc::new(Numbers::new(10_001)), config, LoaderState { block: 9_999, ..LoaderState::default() })

@@ -5,17 +5,17 @@ use lo_octree::{Coverage, RadiancePoint};
 use crate::sample::Metadata;
 use crate::{NovelView, Sample};
 
-/// One room: what all its photos share, once, and the photos. What a shard holds and what the generator makes.
+/// One room: its photos and the data they share. Shards store records, and the generator makes them.
 ///
-/// Positions are in the record's own frame (metres, +Y need not be up), radiance in its own units; every [`Shot`] says how both become its
-/// photo's.
+/// Positions are in the record's own frame (metres, +Y need not be up), radiance in its own units. Every [`Shot`]
+/// contains the transform to its photo's frame and units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// Unique in its dataset; letters, digits, `-` and `_`.
+    /// Identifier, unique in its dataset. Letters, digits, `-` and `_`.
     pub key: String,
-    /// The room; see [`Sample::scene_id`].
+    /// Room; see [`Sample::scene_id`].
     pub scene_id: String,
-    /// Unit direction that points up in the room.
+    /// Unit up direction of the room.
     pub up: Option<Vec3>,
     /// Radiance leaving all surfaces.
     pub points: Vec<RadiancePoint>,
@@ -25,26 +25,26 @@ pub struct Record {
     pub views: Vec<NovelView>,
     /// Photos, at least one.
     pub shots: Vec<Shot>,
-    /// What else is known of the room.
+    /// Additional data of the room.
     pub metadata: Metadata,
 }
 
 /// One photo of a room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
-    /// Where the camera stands, metres.
+    /// Camera position, in metres.
     pub position_m: Vec3,
     /// Record-frame direction = rotation · camera direction.
     pub rotation: Quat,
-    /// The record's radiance times this, per channel, is in units of the photo's white.
+    /// Per-channel factors from the record's radiance to units of the photo's white.
     pub gains: [f32; 3],
-    /// The lens.
+    /// Camera intrinsics.
     pub camera: Camera,
     /// The photo, sRGB.
     pub photo: Image<[u8; 3]>,
-    /// The file that the camera wrote, where there is one; it decodes to the photo.
+    /// File that the camera wrote, if any. It decodes to the photo.
     pub jpeg: Option<Vec<u8>>,
-    /// The light that made the photo, in units of its white.
+    /// HDR radiance of the photo's pixels, in units of its white.
     pub radiance: Option<RadianceImage>,
     /// See [`Sample::depth_m`].
     pub depth_m: Option<DepthMap>,
@@ -54,13 +54,14 @@ pub struct Shot {
     pub normal: Option<Image<[f32; 3]>>,
     /// See [`Sample::albedo`].
     pub albedo: Option<Image<[f32; 3]>>,
-    /// Which of the record's panoramas belong to this photo, its own ones first.
+    /// Indices of the record's panoramas that belong to this photo, its own first. Each at most once.
     pub views: Vec<usize>,
-    /// What else is known of the photo.
+    /// Additional data of the photo.
     pub metadata: Metadata,
 }
 
-/// A point counts as seen where the photo's depth differs by no more than this, metres: points stand for the surface of a leaf.
+/// A point counts as observed if the photo's depth differs by at most this, in metres. Points stand for the surface
+/// within a leaf.
 const SEEN_WITHIN_M: f32 = 0.1;
 
 impl Record {
@@ -178,7 +179,7 @@ mod tests {
     #[test]
     fn samples_are_in_the_photos_frame_and_units() {
         let mut record = record("a");
-        // a point 2 m before the camera of photo 1, as the matrix of the pose has it
+        // A point 2 m in front of the camera of photo 1, by the pose's matrix.
         let pose = glam_pose(&record.shots[1]);
         record.points[0].position_m = pose.transform_point3(Vec3::new(0.1, 0.2, -2.0));
         let sample = record.sample(1);

@@ -11,8 +11,9 @@ use super::files::{entries, is_hdr, read_panorama, stem};
 use super::room_plan::RoomPlan;
 use crate::{Dataset, DatasetError, Sample, Split};
 
-/// A folder of equirectangular HDR panoramas (`.hdr`, `.exr`, `.pfm`): photos are cut out of them, the panorama is the truth where the camera
-/// stands. The Laval Indoor HDR Dataset (Gardner et al. 2017) is such a folder. Depth is known where somebody has drawn a room's plan.
+/// Folder of equirectangular HDR panoramas (`.hdr`, `.exr`, `.pfm`), such as the Laval Indoor HDR Dataset (Gardner et
+/// al. 2017). Photos are cropped from them. The panorama is the ground truth at the camera. Depth is known only for
+/// panoramas with a room plan.
 #[derive(Debug)]
 pub struct Panoramas {
     files: Vec<File>,
@@ -22,43 +23,44 @@ pub struct Panoramas {
 #[derive(Debug)]
 struct File {
     path: PathBuf,
-    /// The geometry of its room, if there is a plan.
+    /// Geometry of its room, if there is a plan.
     planned: Option<Planned>,
-    /// Its photos among all.
+    /// Indices of its photos.
     photos: Range<usize>,
 }
 
 impl File {
-    /// What it shows: several files may show one place.
+    /// Returns the place it shows. Several files may show one place.
     fn place(&self) -> Cow<'_, str> {
         let told = self.planned.as_ref().and_then(|planned| planned.plan.place());
         told.map_or_else(|| stem(&self.path).into(), Cow::from)
     }
 }
 
-/// A room by its plan.
+/// Room plan with cached distance maps.
 #[derive(Debug)]
 struct Planned {
     plan: RoomPlan,
-    /// [`RoomPlan::distance_m`] and [`RoomPlan::enclosure_m`] in the panorama's size: many photos are cut of each.
+    /// [`RoomPlan::distance_m`] and [`RoomPlan::enclosure_m`] at the panorama's size. Cached because many photos are
+    /// cropped from each panorama.
     distances: OnceLock<[DepthMap; 2]>,
 }
 
 impl Panoramas {
-    /// Looks for panoramas in the folder itself.
+    /// Opens the panoramas of a folder, without subfolders.
     ///
     /// # Errors
-    /// A folder that cannot be read or holds none.
+    /// If the folder cannot be read or contains none.
     pub fn open(folder: &Path, model: CropModel) -> Result<Self, DatasetError> {
         let files = entries(folder)?.into_iter().filter(|path| is_hdr(path));
         let files: Vec<_> = files.map(|path| File { path, planned: None, photos: 0..0 }).collect();
         if files.is_empty() {
-            return Err(DatasetError::layout(folder, "no .hdr, .exr or .pfm in it"));
+            return Err(DatasetError::layout(folder, "contains no .hdr, .exr or .pfm"));
         }
         Ok(Self { files, model }.shared_out())
     }
 
-    /// As many photos of each place, shared evenly among its files.
+    /// Assigns the same number of photos to each place, divided evenly among its files.
     fn shared_out(mut self) -> Self {
         let mut files_of = BTreeMap::<String, usize>::new();
         self.files.iter().for_each(|file| *files_of.entry(file.place().into_owned()).or_default() += 1);
@@ -78,10 +80,11 @@ impl Panoramas {
         self.files.get(self.files.partition_point(|file| file.photos.end <= index))
     }
 
-    /// With the plans of a folder: `NAME.json` of the panorama `NAME.hdr` (`docs/data.md`). Panoramas without one keep having no depth.
+    /// Adds the plans of a folder: `NAME.json` of the panorama `NAME.hdr` (`docs/data.md`). Panoramas without a plan
+    /// have no depth.
     ///
     /// # Errors
-    /// A plan that cannot be read or is none; a folder with plans of none of these panoramas.
+    /// If a plan cannot be read or is invalid, or the folder has a plan of none of the panoramas.
     pub fn with_plans(mut self, folder: &Path) -> Result<Self, DatasetError> {
         for File { path, planned, .. } in &mut self.files {
             let file = folder.join(stem(path)).with_extension("json");
@@ -89,7 +92,7 @@ impl Panoramas {
             *planned = file.is_file().then(read).transpose()?;
         }
         if self.files.iter().all(|file| file.planned.is_none()) {
-            return Err(DatasetError::layout(folder, "no plan (NAME.json) of any of the panoramas"));
+            return Err(DatasetError::layout(folder, "contains no plan (NAME.json) of any of the panoramas"));
         }
         Ok(self.shared_out())
     }

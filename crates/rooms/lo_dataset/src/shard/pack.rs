@@ -1,4 +1,4 @@
-//! Between a record and the files of a shard. The names in the header are those behind the key and its dot.
+//! Conversion between a record and the files of a shard. File names in the header omit the record's key and its dot.
 
 use half::f16;
 use lo_geometry::{Camera, Quat, Vec3};
@@ -11,17 +11,17 @@ use super::array::{decode, encode, halves};
 use super::header::{FORMAT_VERSION, FRAME, Halves, PointsHeader, RecordHeader, ShotHeader, UNITS, ViewHeader};
 use crate::{NovelView, Record, Shot};
 
-/// Name of the header's file.
+/// Name of the header file.
 pub(super) const HEADER: &str = "json";
 
-/// A file that cannot be turned into its part of a record.
+/// Error in a file of a record.
 #[derive(Debug)]
 pub(super) struct Problem {
-    /// The file; [`HEADER`] where the header is wrong.
+    /// The file; [`HEADER`] if the header is wrong.
     pub file: String,
-    /// What part of it.
+    /// Part of the file.
     pub field: String,
-    /// What is wrong.
+    /// Problem.
     pub reason: String,
 }
 
@@ -31,7 +31,7 @@ impl Problem {
     }
 }
 
-/// The files of a record, the header first.
+/// Returns the files of a record, the header first.
 pub(super) fn pack(record: &Record, generator: &str) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     let points = (!record.points.is_empty()).then(|| pack_points(&record.points, record.point_area_m2, &mut files));
@@ -91,7 +91,7 @@ fn pack_radiance(image: &RadianceImage, name: String, files: &mut Files) -> Halv
 }
 
 fn pack_depth(depth: &DepthMap, name: String, files: &mut Files) -> String {
-    // what a millimetre code cannot hold is no reading, and a reading never becomes none
+    // Depth beyond the range of u16 millimetres becomes "no reading"; a valid reading never becomes 0.
     let code = |&z: &f32| match (z * 1000.0).round() {
         mm if mm > 0.0 && mm <= f32::from(u16::MAX) => mm as u16,
         _ => u16::from(z > 0.0 && z < 0.001),
@@ -135,7 +135,7 @@ fn pack_shot(shot: &Shot, number: usize, files: &mut Files) -> ShotHeader {
 
 /// Reads and checks a header.
 pub(super) fn header(bytes: &[u8]) -> Result<RecordHeader, Problem> {
-    /// What every version has.
+    /// Field that every version has.
     #[derive(serde::Deserialize)]
     struct Version {
         format_version: u32,
@@ -143,16 +143,16 @@ pub(super) fn header(bytes: &[u8]) -> Result<RecordHeader, Problem> {
     let wrong = |reason: &dyn ToString| Problem::new(HEADER, "header", reason.to_string());
     let version: Version = serde_json::from_slice(bytes).map_err(|e| wrong(&e))?;
     if version.format_version != FORMAT_VERSION {
-        let reason = format!("it is {}; this program reads version {FORMAT_VERSION}", version.format_version);
+        let reason = format!("version {} is not supported; this program reads version {FORMAT_VERSION}", version.format_version);
         return Err(Problem::new(HEADER, "format_version", reason));
     }
     let header: RecordHeader = serde_json::from_slice(bytes).map_err(|e| wrong(&e))?;
     if header.shots.is_empty() {
-        return Err(Problem::new(HEADER, "shots", "there are none"));
+        return Err(Problem::new(HEADER, "shots", "the list is empty"));
     }
     for (i, shot) in header.shots.iter().enumerate() {
         if let Some(view) = shot.views.iter().find(|&&view| view >= header.views.len()) {
-            let reason = format!("it names view {view} of {}", header.views.len());
+            let reason = format!("view {view} does not exist; the record has {}", header.views.len());
             return Err(Problem::new(HEADER, format!("shots[{i}].views"), reason));
         }
         let camera = shot.camera;
@@ -162,7 +162,7 @@ pub(super) fn header(bytes: &[u8]) -> Result<RecordHeader, Problem> {
     Ok(header)
 }
 
-/// Makes one photo's part of a record: that photo, its views and the points. `read` gives the bytes of a file.
+/// Builds a record with one photo, its views and the points. `read` returns the bytes of a file.
 pub(super) fn unpack(
     key: &str,
     header: &RecordHeader,
@@ -196,7 +196,7 @@ pub(super) fn unpack(
     let up = header.up.map(|up| {
         let up = Vec3::from_array(up);
         let unit = up.is_finite() && (up.length() - 1.0).abs() < 1e-3;
-        if unit { Ok(up) } else { Err(Problem::new(HEADER, "up", format!("{up} is no unit direction"))) }
+        if unit { Ok(up) } else { Err(Problem::new(HEADER, "up", format!("{up} is not a unit vector"))) }
     });
     let mut shot = unpack_shot(taken, &format!("shots[{shot}]"), read)?;
     shot.views = (0..views.len()).collect();
@@ -228,7 +228,7 @@ fn rotation(xyzw: [f32; 4], name: &str) -> Result<Quat, Problem> {
     if rotation.is_finite() && (rotation.length() - 1.0).abs() < 1e-3 {
         Ok(rotation)
     } else {
-        Err(Problem::new(HEADER, format!("{name}.rotation_xyzw"), format!("{xyzw:?} is no unit quaternion")))
+        Err(Problem::new(HEADER, format!("{name}.rotation_xyzw"), format!("{xyzw:?} is not a unit quaternion")))
     }
 }
 
@@ -241,7 +241,7 @@ fn unpack_points(header: &PointsHeader, read: Read) -> Result<Vec<RadiancePoint>
         decode::<u16>(&read(&header.position)?, 2).map_err(|reason| Problem::new(&header.position, "array", reason))?;
     let radiance = unpack_halves(&header.radiance, 2, read)?;
     if shape != radiance.0 || shape[1] != 3 {
-        let reason = format!("{:?} beside positions of {shape:?}; both must be [n, 3]", radiance.0);
+        let reason = format!("{:?}, but positions have {shape:?}; both must be [n, 3]", radiance.0);
         return Err(Problem::new(&header.radiance.file, "shape", reason));
     }
     let points = codes.as_chunks::<3>().0.iter().zip(radiance.1.as_chunks::<3>().0);
@@ -254,7 +254,7 @@ fn unpack_points(header: &PointsHeader, read: Read) -> Result<Vec<RadiancePoint>
         .collect())
 }
 
-/// Values and shape, whose product is their count. NaN, infinite and negative light is an error.
+/// Returns the shape and the values. NaN, infinite and negative radiance is an error.
 fn unpack_halves(header: &Halves, axes: usize, read: Read) -> Result<(Vec<usize>, Vec<f32>), Problem> {
     let (shape, codes) =
         decode::<f16>(&read(&header.file)?, axes).map_err(|reason| Problem::new(&header.file, "array", reason))?;
@@ -280,12 +280,12 @@ fn image<T: Copy>(file: &str, shape: &[usize], values: &[T]) -> Result<Image<[T;
     }
 }
 
-/// `size`: the one it must have.
+/// Reads a depth map; `size` is the required size.
 fn unpack_depth(file: &str, size: Option<(usize, usize)>, read: Read) -> Result<DepthMap, Problem> {
     let (shape, codes) = decode::<u16>(&read(file)?, 2).map_err(|reason| Problem::new(file, "array", reason))?;
     let found = (shape[1], shape[0]);
     if found.0 == 0 || found.1 == 0 || size.is_some_and(|size| size != found) {
-        return Err(Problem::new(file, "shape", format!("{shape:?}; it must be that of the picture")));
+        return Err(Problem::new(file, "shape", format!("{shape:?}; it must match the image")));
     }
     Ok(Image::new(found.0, found.1, codes.into_iter().map(|mm| f32::from(mm) * 0.001).collect()))
 }
@@ -296,7 +296,7 @@ fn unpack_photo(file: &str, size: (usize, usize), read: Read) -> Result<Image<[u
         Photo::Srgb8(photo) if (photo.width(), photo.height()) == size => Ok(photo),
         Photo::Srgb8(photo) => {
             let reason =
-                format!("{} × {} pixels, the camera's are {} × {}", photo.width(), photo.height(), size.0, size.1);
+                format!("{} × {} pixels, but the camera has {} × {}", photo.width(), photo.height(), size.0, size.1);
             Err(Problem::new(file, "size", reason))
         }
         Photo::Linear(_) => Err(Problem::new(file, "picture", "8-bit sRGB is expected")),
@@ -309,7 +309,7 @@ fn unpack_shot(header: &ShotHeader, name: &str, read: Read) -> Result<Shot, Prob
         if (width, height) == size {
             Ok(())
         } else {
-            let reason = format!("{width} × {height} pixels, the camera's are {} × {}", size.0, size.1);
+            let reason = format!("{width} × {height} pixels, but the camera has {} × {}", size.0, size.1);
             Err(Problem::new(file, "size", reason))
         }
     };
