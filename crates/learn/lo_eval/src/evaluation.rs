@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lo_dataset::{CropModel, Dataset, DatasetError, Layout, Sample, Split, evenly_spread, indices_of};
+use lo_dataset::{CropModel, Dataset, DatasetError, DatasetLayout, Sample, Split, evenly_spread, indices_of};
 use lo_events::{OnEvent, Stage, Steps};
 
 use crate::prior::TWO_APART;
@@ -18,7 +18,7 @@ pub struct Photos {
     /// A folder in one of the layouts, or a shard.
     pub dataset: PathBuf,
     /// How its files are laid out; found out where `None`.
-    pub layout: Option<Layout>,
+    pub layout: Option<DatasetLayout>,
     /// A published protocol, with its own crops of a folder of panoramas.
     pub protocol: Option<Protocol>,
     /// How photos are made where there are none and no protocol says how.
@@ -57,8 +57,8 @@ impl Photos {
         let dataset: Box<dyn Dataset> = match (self.protocol, self.layout) {
             (Some(protocol), _) => Box::new(ProtocolCrops::open(path, protocol)?),
             (None, layout) => {
-                let layout = layout.map_or_else(|| Layout::detect(path), Ok)?;
-                layout.open_planned(path, self.crops, self.plans.as_deref())?
+                let layout = layout.map_or_else(|| DatasetLayout::detect(path), Ok)?;
+                layout.open_with_plans(path, self.crops, self.plans.as_deref())?
             }
         };
         let indices = indices_of(dataset.as_ref(), self.part, self.most);

@@ -5,7 +5,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use lo_dataset::{CropModel, Dataset, Frames, Generated, Generator, Joined, Layout, LoaderState, Sample, fingerprint};
+use lo_dataset::{
+    ConcatDataset, CropModel, Dataset, DatasetLayout, Frames, GeneratedDataset, Generator, LoaderState, Sample,
+    fingerprint,
+};
 use lo_events::{Cancelled, Event, OnEvent, Stage, TrainingPhase, Warning};
 use lo_imaging::write_rgba8;
 use lo_nets::checkpoint::Precision;
@@ -105,13 +108,13 @@ struct Sources {
 fn open(config: &TrainConfig, seed: u64) -> Result<Sources, TrainError> {
     let data = &config.data;
     let rooms: Arc<dyn Dataset> = match &data.folder {
-        Some(folder) => Layout::detect(folder)?.open(folder, CropModel { seed, ..CropModel::default() })?.into(),
+        Some(folder) => DatasetLayout::detect(folder)?.open(folder, CropModel { seed, ..CropModel::default() })?.into(),
         // Panoramas or frames alone are enough.
-        None if !data.panoramas.is_empty() || !data.frames.is_empty() => Arc::new(Joined::new(Vec::new())),
+        None if !data.panoramas.is_empty() || !data.frames.is_empty() => Arc::new(ConcatDataset::new(Vec::new())),
         None => {
             let generator = Generator::new(seed, data.generator.clone())
                 .map_err(|error| ConfigError::Generator(error.to_string()))?;
-            Arc::new(Generated::new(generator, data.generated_rooms))
+            Arc::new(GeneratedDataset::new(generator, data.generated_rooms))
         }
     };
     let panoramas = open_panoramas(&data.panoramas, seed)?;
@@ -123,7 +126,7 @@ fn open(config: &TrainConfig, seed: u64) -> Result<Sources, TrainError> {
     let all = if panoramas.is_empty() && frames.is_empty() {
         rooms.clone()
     } else {
-        Arc::new(Joined::new([rooms.clone(), panoramas.clone()].into_iter().chain(frames).collect()))
+        Arc::new(ConcatDataset::new([rooms.clone(), panoramas.clone()].into_iter().chain(frames).collect()))
     };
     Ok(Sources { all, rooms, panoramas })
 }
@@ -131,9 +134,9 @@ fn open(config: &TrainConfig, seed: u64) -> Result<Sources, TrainError> {
 fn open_panoramas(panoramas: &[PanoramaData], seed: u64) -> Result<Arc<dyn Dataset>, TrainError> {
     let open = |PanoramaData { folder, plans, crop }: &PanoramaData| {
         let crop = CropModel { seed, ..*crop };
-        Ok(Arc::from(Layout::Panoramas.open_planned(folder, crop, plans.as_deref())?))
+        Ok(Arc::from(DatasetLayout::Panoramas.open_with_plans(folder, crop, plans.as_deref())?))
     };
-    Ok(Arc::new(Joined::new(panoramas.iter().map(open).collect::<Result<_, TrainError>>()?)))
+    Ok(Arc::new(ConcatDataset::new(panoramas.iter().map(open).collect::<Result<_, TrainError>>()?)))
 }
 
 struct Run<'a> {

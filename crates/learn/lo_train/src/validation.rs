@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use lightoctree::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input, SharpViewers, events};
 use lo_cone::{Cone, ConeSample, Viewers};
-use lo_dataset::{Dataset, NovelView, Sample, Split, indices_of, seen_mask};
+use lo_dataset::{Dataset, NovelView, Sample, Split, indices_of, observed_mask};
 use lo_events::Warning;
 use lo_geometry::{Perspective, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
@@ -278,7 +278,7 @@ fn views_db(views: &[NovelView], panoramas: &[RadianceImage]) -> Option<f64> {
 }
 
 fn light_on_objects(sample: &Sample, view: &NovelView, got: &RadianceImage) -> Option<LightOnObjects> {
-    LightOnObjects::of(&view.radiance, got, seen_mask(sample, view).as_deref())
+    LightOnObjects::of(&view.radiance, got, observed_mask(sample, view).as_deref())
 }
 
 fn seen_from(trace: Trace<'_>, view: &NovelView) -> RadianceImage {

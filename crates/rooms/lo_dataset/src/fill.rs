@@ -10,24 +10,24 @@ use crate::{Dataset, DatasetError, Generator, LoadError, Loader, LoaderConfig, R
 
 /// Maximum number of rooms that are generated in parallel. Each needs some hundred megabytes, and its ray loops use all
 /// threads.
-const MAX_ROOMS_AT_A_TIME: usize = 4;
+const MAX_PARALLEL_ROOMS: usize = 4;
 
 /// The shards of a folder that one of several runs makes: every `count`-th, starting at `index`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShardPart {
     /// Index of the run, below `count`.
-    pub first: usize,
+    pub index: usize,
     /// Number of runs, at least 1.
-    pub of: usize,
+    pub count: usize,
 }
 
 /// Result of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShardCount {
     /// Shards of this run's part.
-    pub all: usize,
+    pub total: usize,
     /// Finished shards of the part. Fewer than `total` if the run was cancelled.
-    pub there: usize,
+    pub finished: usize,
     /// Shards written by this run.
     pub written: usize,
 }
@@ -66,14 +66,14 @@ pub fn generate_shards(
     part: ShardPart,
     on_event: OnEvent<'_>,
 ) -> Result<ShardCount, FillError> {
-    let mine = || rooms.chunks(per_shard).enumerate().skip(part.first).step_by(part.of);
-    let todo: Vec<(usize, &[u64])> = mine().filter(|&(shard, _)| !folder.has(shard)).collect();
-    let in_turn: Vec<u64> = todo.iter().flat_map(|(_, rooms)| rooms.iter().copied()).collect();
-    let mut steps = Steps::begin(on_event, Stage::GenerateRooms, in_turn.len());
-    let at_a_time = rayon::current_num_threads().min(MAX_ROOMS_AT_A_TIME);
+    let own_shards = || rooms.chunks(per_shard).enumerate().skip(part.index).step_by(part.count);
+    let todo: Vec<(usize, &[u64])> = own_shards().filter(|&(shard, _)| !folder.has(shard)).collect();
+    let order: Vec<u64> = todo.iter().flat_map(|(_, rooms)| rooms.iter().copied()).collect();
+    let mut steps = Steps::begin(on_event, Stage::GenerateRooms, order.len());
+    let parallel = rayon::current_num_threads().min(MAX_PARALLEL_ROOMS);
     let generator = generator.clone();
-    let make = move |number: u64| in_turn.get(number as usize).map(|&room| generator.record(room));
-    let made = Prefetch::start(at_a_time, at_a_time, make);
+    let make = move |number: u64| order.get(number as usize).map(|&room| generator.record(room));
+    let made = Prefetch::start(parallel, parallel, make);
     let mut written = 0;
     for &(shard, rooms) in &todo {
         if steps.cancelled() {
@@ -88,8 +88,8 @@ pub fn generate_shards(
         written += 1;
     }
     steps.end();
-    let all = mine().count();
-    Ok(ShardCount { all, there: all - todo.len() + written, written })
+    let total = own_shards().count();
+    Ok(ShardCount { total, finished: total - todo.len() + written, written })
 }
 
 /// Converts a dataset to shards with `per_shard` (at least 1) samples per archive, skipping finished ones. `threads`
@@ -109,11 +109,11 @@ pub fn convert_to_shards(
     threads: usize,
     on_event: OnEvent<'_>,
 ) -> Result<ShardCount, FillError> {
-    let all = dataset.len().div_ceil(per_shard);
-    let todo: Vec<usize> = (0..all).filter(|&shard| !folder.has(shard)).collect();
+    let total = dataset.len().div_ceil(per_shard);
+    let todo: Vec<usize> = (0..total).filter(|&shard| !folder.has(shard)).collect();
     let samples_of = |shard: usize| shard * per_shard..dataset.len().min((shard + 1) * per_shard);
-    let total = todo.iter().map(|&shard| samples_of(shard).len()).sum();
-    let mut steps = Steps::begin(on_event, Stage::ReadSamples, total);
+    let samples = todo.iter().map(|&shard| samples_of(shard).len()).sum();
+    let mut steps = Steps::begin(on_event, Stage::ReadSamples, samples);
     let mut written = 0;
     // One loader per run of consecutive missing shards, so that it prefetches across shards.
     'runs: for run in todo.chunk_by(|a, b| a + 1 == *b) {
@@ -133,7 +133,7 @@ pub fn convert_to_shards(
         }
     }
     steps.end();
-    Ok(ShardCount { all, there: all - todo.len() + written, written })
+    Ok(ShardCount { total, finished: total - todo.len() + written, written })
 }
 
 #[cfg(test)]
@@ -149,9 +149,9 @@ mod tests {
     use crate::sample::tests::sample;
     use crate::{Sample, Shards};
 
-    struct Numbers(usize);
+    struct NumberedDataset(usize);
 
-    impl Dataset for Numbers {
+    impl Dataset for NumberedDataset {
         fn len(&self) -> usize {
             self.0
         }
@@ -169,17 +169,17 @@ mod tests {
     fn a_cancelled_conversion_ends_with_a_whole_shard_and_goes_on() {
         let at = tempfile::tempdir().unwrap();
         let folder = ShardFolder::open(at.path(), "samples", &json!({ "of": "numbers" }), false).unwrap();
-        let dataset: Arc<dyn Dataset> = Arc::new(Numbers(7));
-        let mut heard = 0;
+        let dataset: Arc<dyn Dataset> = Arc::new(NumberedDataset(7));
+        let mut received = 0;
         let mut cancel = |event: Event| {
-            heard += u32::from(matches!(event, Event::Progress { .. }));
+            received += u32::from(matches!(event, Event::Progress { .. }));
             // In the middle of the second shard.
-            if heard == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            if received == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let count = convert_to_shards(&folder, &dataset, 3, 2, &mut cancel).unwrap();
-        assert_eq!(count, ShardCount { all: 3, there: 2, written: 2 });
+        assert_eq!(count, ShardCount { total: 3, finished: 2, written: 2 });
         let count = convert_to_shards(&folder, &dataset, 3, 1, &mut lo_events::ignore).unwrap();
-        assert_eq!(count, ShardCount { all: 3, there: 3, written: 1 });
+        assert_eq!(count, ShardCount { total: 3, finished: 3, written: 1 });
         let shards = Shards::open(at.path()).unwrap();
         let ids = (0..shards.len()).map(|i| shards.get(i).unwrap().scene_id);
         assert!(ids.eq((0..7).map(|i| format!("room-{i}"))));

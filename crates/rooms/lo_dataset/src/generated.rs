@@ -5,40 +5,40 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::{Dataset, DatasetError, Generator, Record, Sample};
 
 /// Number of cached rooms, so that the photos of one room do not generate it again.
-const KEPT: usize = 4;
+const CACHED_ROOMS: usize = 4;
 
 /// Generated rooms as a dataset: made on demand, nothing on disk. The photos of a room are a [block](Dataset::block).
 #[derive(Debug)]
-pub struct Generated {
+pub struct GeneratedDataset {
     generator: Generator,
     scenes: u32,
     /// The last rooms, newest first.
-    kept: Mutex<VecDeque<(u64, Arc<Record>)>>,
+    cached: Mutex<VecDeque<(u64, Arc<Record>)>>,
 }
 
-impl Generated {
+impl GeneratedDataset {
     /// Creates a dataset of a generator's first `scenes` rooms. `u32::MAX` is practically endless.
     pub fn new(generator: Generator, scenes: u32) -> Self {
-        Self { generator, scenes, kept: Mutex::default() }
+        Self { generator, scenes, cached: Mutex::default() }
     }
 
     fn room(&self, index: u64) -> Result<Arc<Record>, DatasetError> {
-        let kept = |rooms: &VecDeque<(u64, Arc<Record>)>| {
+        let cached = |rooms: &VecDeque<(u64, Arc<Record>)>| {
             rooms.iter().find(|(number, _)| *number == index).map(|(_, record)| Arc::clone(record))
         };
-        if let Some(record) = kept(&self.kept.lock().unwrap_or_else(PoisonError::into_inner)) {
+        if let Some(record) = cached(&self.cached.lock().unwrap_or_else(PoisonError::into_inner)) {
             return Ok(record);
         }
         // Generated without the lock, so that other threads generate other rooms meanwhile.
         let record = Arc::new(self.generator.record(index)?);
-        let mut rooms = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut rooms = self.cached.lock().unwrap_or_else(PoisonError::into_inner);
         rooms.push_front((index, Arc::clone(&record)));
-        rooms.truncate(KEPT);
+        rooms.truncate(CACHED_ROOMS);
         Ok(record)
     }
 }
 
-impl Dataset for Generated {
+impl Dataset for GeneratedDataset {
     fn len(&self) -> usize {
         self.scenes as usize * self.block()
     }
@@ -189,11 +189,11 @@ mod tests {
 
     #[test]
     fn a_dataset_makes_each_room_once_for_all_its_photos() {
-        let dataset = Generated::new(small(), 5);
+        let dataset = GeneratedDataset::new(small(), 5);
         assert_eq!((dataset.len(), dataset.block()), (10, 2));
         assert_eq!(dataset.scene_id(9), "synth-11-000004");
         let (a, b) = (dataset.get(2).unwrap(), dataset.get(3).unwrap());
-        assert_eq!(dataset.kept.lock().unwrap().len(), 1);
+        assert_eq!(dataset.cached.lock().unwrap().len(), 1);
         assert!(a.id != b.id && a.scene_id == b.scene_id);
         assert!(matches!(dataset.get(10), Err(DatasetError::Index { index: 10, len: 10 })));
     }

@@ -21,7 +21,7 @@ pub struct GeneratorConfig {
     /// Depth sensors.
     pub depth: DepthModel,
     /// Sampling settings of the light transport.
-    pub light: LightSampling,
+    pub light: BakeSettings,
     /// Photos per room, at least 1.
     pub shots: u32,
     /// Panoramas per room. They are distributed over the photos; each is inside the frustum of its photo.
@@ -39,36 +39,12 @@ impl Default for GeneratorConfig {
             room: SynthConfig::default(),
             photo: PhotoModel::default(),
             depth: DepthModel::default(),
-            light: LightSampling::default(),
+            light: BakeSettings::default(),
             shots: 6,
             panoramas: 6,
             panorama_height: 128,
             octree_depth: 7,
         }
-    }
-}
-
-/// Samples of light: more of them take longer and leave less noise, which looks like stains on walls, ceilings and curtains.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LightSampling {
-    /// Distance of the points on surfaces at which light is kept, metres.
-    pub spacing_m: f32,
-    /// Rays from each of them that gather indirect light.
-    pub gather_rays: u32,
-    /// Rays from each of them to lamps and windows.
-    pub light_rays: u32,
-    /// Rays from each pixel to lamps and windows, at least.
-    pub pixel_rays: u32,
-    /// Whether edges of sunny patches are smooth.
-    pub sun_at_edges: bool,
-}
-
-impl Default for LightSampling {
-    fn default() -> Self {
-        let BakeSettings { spacing_m, gather_rays, light_rays, pixel_light_rays, sun_at_edges, .. } =
-            BakeSettings::default();
-        Self { spacing_m, gather_rays, light_rays, pixel_rays: pixel_light_rays, sun_at_edges }
     }
 }
 
@@ -165,7 +141,7 @@ impl Generator {
         let interior = self.interior(index)?;
         let cameras = interior.camera_poses(self.config.shots as usize);
         let probes = self.probes(&interior, &cameras);
-        self.taken(index, interior, &cameras, &probes, Devices::Each)
+        self.make_record(index, interior, &cameras, &probes, DeviceAssignment::PerPhoto)
     }
 
     /// Generates room `index` with photos that one device takes from the given cameras. Exposure and white balance vary
@@ -181,29 +157,21 @@ impl Generator {
         let interior = self.interior(index)?;
         let cameras = cameras(&interior);
         let probes = self.probes(&interior, &cameras[..cameras.len().min(1)]);
-        self.taken(index, interior, &cameras, &probes, Devices::One)
+        self.make_record(index, interior, &cameras, &probes, DeviceAssignment::Shared)
     }
 
     /// Makes a record with photos by these cameras and panoramas at these probe positions.
-    fn taken(
+    fn make_record(
         &self,
         index: u64,
         interior: Interior,
         cameras: &[CameraPose],
         probes: &[(usize, Vec3)],
-        devices: Devices,
+        devices: DeviceAssignment,
     ) -> Result<Record, DatasetError> {
         let description = json!(interior.description);
         let leaf_m = leaf_edge_m(&interior, self.config.octree_depth);
-        let LightSampling { spacing_m, gather_rays, light_rays, pixel_rays, sun_at_edges } = self.config.light;
-        let settings = BakeSettings {
-            spacing_m,
-            gather_rays,
-            light_rays,
-            pixel_light_rays: pixel_rays,
-            sun_at_edges,
-            seed: self.seed ^ lo_random::hash(interior.id.as_bytes()),
-        };
+        let settings = BakeSettings { seed: self.seed ^ lo_random::hash(interior.id.as_bytes()), ..self.config.light };
         let baked = BakedWorld::bake(interior.world, &settings).map_err(|error| self.failed(index, error))?;
         let views = probes.iter().map(|&(_, position_m)| self.view(&baked, position_m)).collect();
         let mut shots = Vec::with_capacity(cameras.len());
@@ -214,7 +182,7 @@ impl Generator {
             let (mut photo, mut depth) = (stream("photo"), stream("depth sensor"));
             let mut settings = self.config.photo.draw(&mut photo);
             let mut sensor = self.config.depth.draw(&mut depth);
-            if devices == Devices::One {
+            if devices == DeviceAssignment::Shared {
                 let first = |name| lo_random::stream(self.seed, name, index * 64);
                 let own = settings;
                 settings = self.config.photo.draw(&mut first("photo"));
@@ -223,7 +191,7 @@ impl Generator {
                 sensor = self.config.depth.draw(&mut first("depth sensor"));
             }
             let mut shot = self.shot(&baked, camera, (&settings, photo), (&sensor, depth));
-            shot.views = own_first(probes, i, |position_m| shot.shows(position_m));
+            shot.views = own_first(probes, i, |position_m| shot.observes(position_m));
             shots.push(shot);
         }
         let surface = baked.radiance_points(leaf_m);
@@ -251,20 +219,20 @@ impl Generator {
         index: u64,
         interior: Interior,
         camera: &CameraPose,
-        places: impl IntoIterator<Item = Vec3>,
+        positions: impl IntoIterator<Item = Vec3>,
     ) -> Result<Record, DatasetError> {
-        let probes: Vec<(usize, Vec3)> = places.into_iter().map(|place| (0, place)).collect();
-        self.taken(index, interior, std::slice::from_ref(camera), &probes, Devices::Each)
+        let probes: Vec<(usize, Vec3)> = positions.into_iter().map(|position| (0, position)).collect();
+        self.make_record(index, interior, std::slice::from_ref(camera), &probes, DeviceAssignment::PerPhoto)
     }
 
     /// Returns the positions of the panoramas, each with the photo in whose frustum it is.
     fn probes(&self, interior: &Interior, cameras: &[CameraPose]) -> Vec<(usize, Vec3)> {
         let (total, shots) = (self.config.panoramas as usize, cameras.len().max(1));
-        let places = cameras.iter().enumerate().flat_map(|(i, camera)| {
+        let positions = cameras.iter().enumerate().flat_map(|(i, camera)| {
             let share = total / shots + usize::from(i < total % shots);
             interior.probe_positions(camera, share).into_iter().map(move |position| (i, position))
         });
-        places.collect()
+        positions.collect()
     }
 
     fn view(&self, baked: &BakedWorld, position_m: Vec3) -> NovelView {
@@ -326,11 +294,11 @@ impl Generator {
 
 /// Assigns devices to photos.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Devices {
+enum DeviceAssignment {
     /// Each photo has its own device.
-    Each,
+    PerPhoto,
     /// One device takes all photos.
-    One,
+    Shared,
 }
 
 /// Rejects NaN and infinite radiance, which must never reach a network. Negative radiance, a filter's undershoot, is
@@ -364,15 +332,15 @@ fn leaf_edge_m(interior: &Interior, depth: u32) -> f32 {
 }
 
 /// Returns the panoramas made for photo `shot`, then the others that it observes.
-fn own_first(probes: &[(usize, Vec3)], shot: usize, shows: impl Fn(Vec3) -> bool) -> Vec<usize> {
+fn own_first(probes: &[(usize, Vec3)], shot: usize, observes: impl Fn(Vec3) -> bool) -> Vec<usize> {
     let own = (0..probes.len()).filter(|&i| probes[i].0 == shot);
-    let others = (0..probes.len()).filter(|&i| probes[i].0 != shot && shows(probes[i].1));
+    let others = (0..probes.len()).filter(|&i| probes[i].0 != shot && observes(probes[i].1));
     own.chain(others).collect()
 }
 
 impl Shot {
     /// Whether a position in the record's frame projects into the photo and is in front of the surface or sky there.
-    fn shows(&self, position_m: Vec3) -> bool {
+    fn observes(&self, position_m: Vec3) -> bool {
         let inside = |depth: &DepthMap| {
             let local = self.rotation.inverse() * (position_m - self.position_m);
             self.camera.project(local).is_some_and(|(u, v, z)| {
@@ -405,9 +373,19 @@ mod tests {
     }
 
     #[test]
+    fn light_settings_keep_their_keys_and_have_no_seed() {
+        let text = serde_json::to_string(&GeneratorConfig::default().light).unwrap();
+        assert_eq!(text, r#"{"spacing_m":0.16,"gather_rays":64,"light_rays":16,"pixel_rays":2,"sun_at_edges":false}"#);
+        assert!(serde_json::from_str::<GeneratorConfig>(r#"{"light": {"seed": 1}}"#).is_err());
+    }
+
+    #[test]
     fn settings_out_of_range_are_named() {
         let message = |config| Generator::new(0, config).unwrap_err().to_string();
-        assert_eq!(message(GeneratorConfig { shots: 0, ..Default::default() }), "shots is 0; it must lie in 1 to 64");
+        assert_eq!(
+            message(GeneratorConfig { shots: 0, ..Default::default() }),
+            "shots is 0; it must be between 1 and 64"
+        );
         assert!(
             serde_json::from_str::<GeneratorConfig>(r#"{"shot": 3}"#)
                 .unwrap_err()

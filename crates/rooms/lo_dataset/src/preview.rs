@@ -36,7 +36,7 @@ impl ContactSheet {
     }
 
     /// Returns the sheet. An empty sheet is only its margin.
-    pub fn picture(&self) -> Image<[u8; 3]> {
+    pub fn image(&self) -> Image<[u8; 3]> {
         let rows = self.photos.chunks(self.columns).chain(self.panoramas.chunks(self.columns));
         contact_sheet(&rows.collect::<Vec<_>>(), GAP)
     }
@@ -56,12 +56,12 @@ mod tests {
             sheet.add_photo(&sample);
         }
         sheet.add_panorama(&RadianceImage::new(16, 8, vec![[1e6; 3]; 128]));
-        let picture = sheet.picture();
+        let image = sheet.image();
         // Two rows of photos 240 × 160 and one of panoramas 240 × 120.
-        assert_eq!((picture.width(), picture.height()), (6 + 2 * 246, 6 + 2 * 166 + 126));
-        assert_eq!(picture[(0, 0)], GROUND);
-        assert_eq!(picture[(6 + 246, 6 + 166)], GROUND, "the third photo's neighbour is empty");
-        assert_eq!(picture[(100, 6 + 2 * 166 + 60)], [255; 3]);
-        assert_eq!(ContactSheet::new(0).picture().pixels().len(), 36);
+        assert_eq!((image.width(), image.height()), (6 + 2 * 246, 6 + 2 * 166 + 126));
+        assert_eq!(image[(0, 0)], GROUND);
+        assert_eq!(image[(6 + 246, 6 + 166)], GROUND, "the third photo's neighbour is empty");
+        assert_eq!(image[(100, 6 + 2 * 166 + 60)], [255; 3]);
+        assert_eq!(ContactSheet::new(0).image().pixels().len(), 36);
     }
 }

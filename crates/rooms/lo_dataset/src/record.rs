@@ -62,62 +62,72 @@ pub struct Shot {
 
 /// A point counts as observed if the photo's depth differs by at most this, in metres. Points stand for the surface
 /// within a leaf.
-const SEEN_WITHIN_M: f32 = 0.1;
+const OBSERVED_WITHIN_M: f32 = 0.1;
 
 impl Record {
-    /// The sample of photo `shot`: everything turned into its frame and units.
-    ///
-    /// Points that the photo's depth map shows are [`Coverage::Seen`]; without a depth map they stay as they are.
+    /// Returns the sample of photo `shot`; see [`into_sample`](Self::into_sample).
     ///
     /// # Panics
-    /// Where there is no such shot, or it names a view that the record has not.
+    /// If there is no such photo, or it names a view that the record does not have.
     pub fn sample(&self, shot: usize) -> Sample {
-        let taken = &self.shots[shot];
-        let camera_from_record = taken.rotation.inverse();
-        let into = |point: Vec3| camera_from_record * (point - taken.position_m);
-        let scaled = |[r, g, b]: [f32; 3]| [r * taken.gains[0], g * taken.gains[1], b * taken.gains[2]];
-        let points = self
-            .points
-            .iter()
-            .map(|point| {
-                let position_m = into(point.position_m);
-                RadiancePoint {
-                    position_m,
-                    radiance: scaled(point.radiance),
-                    coverage: taken.coverage(position_m).unwrap_or(point.coverage),
-                }
-            })
-            .collect();
-        let views = taken
-            .views
-            .iter()
-            .map(|&view| {
-                let view = &self.views[view];
-                NovelView {
-                    position_m: into(view.position_m),
-                    rotation: camera_from_record * view.rotation,
-                    radiance: view.radiance.map(|&rgb| scaled(rgb)),
-                    depth_m: view.depth_m.clone(),
-                }
-            })
-            .collect();
-        let mut metadata = self.metadata.clone();
-        metadata.extend(taken.metadata.clone());
-        Sample {
-            id: if self.shots.len() == 1 { self.key.clone() } else { format!("{}-{shot}", self.key) },
+        let chosen = &self.shots[shot];
+        let alone = Self {
+            key: if self.shots.len() == 1 { self.key.clone() } else { format!("{}-{shot}", self.key) },
             scene_id: self.scene_id.clone(),
-            photo: taken.photo.clone(),
-            camera: taken.camera,
+            up: self.up,
+            points: self.points.clone(),
+            point_area_m2: self.point_area_m2,
+            views: chosen.views.iter().map(|&view| self.views[view].clone()).collect(),
+            shots: vec![Shot { views: (0..chosen.views.len()).collect(), ..chosen.clone() }],
+            metadata: self.metadata.clone(),
+        };
+        alone.into_sample()
+    }
+
+    /// Converts a record with one photo into that photo's sample, without copying images. Points, views and directions
+    /// are transformed to the photo's frame and units.
+    ///
+    /// Points that the photo's depth map shows become [`Coverage::Seen`]. Without a depth map they keep their coverage.
+    ///
+    /// # Panics
+    /// If the record does not have exactly one photo, or the photo names a view twice or one that the record does not
+    /// have.
+    pub fn into_sample(mut self) -> Sample {
+        assert_eq!(self.shots.len(), 1, "a record with one photo makes a sample");
+        let shot = self.shots.remove(0);
+        let camera_from_record = shot.rotation.inverse();
+        let into = |point: Vec3| camera_from_record * (point - shot.position_m);
+        let scaled = |[r, g, b]: [f32; 3]| [r * shot.gains[0], g * shot.gains[1], b * shot.gains[2]];
+        for point in &mut self.points {
+            point.position_m = into(point.position_m);
+            point.radiance = scaled(point.radiance);
+            point.coverage = shot.coverage(point.position_m).unwrap_or(point.coverage);
+        }
+        let mut stored: Vec<Option<NovelView>> = self.views.into_iter().map(Some).collect();
+        let own_view = |&index: &usize| {
+            let mut view = stored[index].take().expect("a photo names a view once");
+            view.position_m = into(view.position_m);
+            view.rotation = camera_from_record * view.rotation;
+            view.radiance.pixels_mut().iter_mut().for_each(|rgb| *rgb = scaled(*rgb));
+            view
+        };
+        let views = shot.views.iter().map(own_view).collect();
+        self.metadata.extend(shot.metadata);
+        Sample {
+            id: self.key,
+            scene_id: self.scene_id,
+            photo: shot.photo,
+            camera: shot.camera,
             up: self.up.map(|up| camera_from_record * up),
-            radiance: taken.radiance.clone(),
-            depth_m: taken.depth_m.clone(),
-            sensor_depth_m: taken.sensor_depth_m.clone(),
-            normal: taken.normal.clone(),
-            albedo: taken.albedo.clone(),
-            points,
+            radiance: shot.radiance,
+            depth_m: shot.depth_m,
+            sensor_depth_m: shot.sensor_depth_m,
+            normal: shot.normal,
+            albedo: shot.albedo,
+            points: self.points,
             point_area_m2: self.point_area_m2,
             views,
-            metadata,
+            metadata: self.metadata,
         }
     }
 }
@@ -164,7 +174,7 @@ impl Shot {
                 && v >= 0.0
                 && u < depth.width() as f64
                 && v < depth.height() as f64
-                && (f64::from(depth[(u as usize, v as usize)]) - z).abs() < f64::from(SEEN_WITHIN_M)
+                && (f64::from(depth[(u as usize, v as usize)]) - z).abs() < f64::from(OBSERVED_WITHIN_M)
         });
         Some(if seen { Coverage::Seen } else { Coverage::Inferred })
     }

@@ -41,7 +41,7 @@ pub enum TransportError {
         emissive: [f32; 3],
     },
     /// A setting is out of range.
-    #[error("{name} is {value}; it must lie in [{min}, {max}]")]
+    #[error("{name} is {value}; it must be between {min} and {max}")]
     Setting {
         /// Field of [`crate::BakeSettings`].
         name: &'static str,

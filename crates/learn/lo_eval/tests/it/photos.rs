@@ -3,7 +3,7 @@
 use lightoctree::cone::Viewers;
 use lightoctree::scene::{Completion, Frame, PosedFrame, Scene};
 use lightoctree::{EstimateOptions, Estimator, Exposures, Input};
-use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot, seen_mask};
+use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot, observed_mask};
 use lo_eval::{Estimate, Light, Scorer, Scores, Sight, coherence};
 use lo_geometry::{Quat, RigidTransform, Vec3};
 use lo_imaging::{Photo, RadianceImage, luminance};
@@ -110,7 +110,7 @@ fn ceiling(record: &Record, scene: Scene) -> Scores {
             let back = other.rotation.inverse();
             let position_m = back * (first.rotation * view.position_m + first.position_m - other.position_m);
             let rotation = back * first.rotation * view.rotation;
-            seen_mask(&record.sample(shot), &NovelView { position_m, rotation, ..view.clone() }).unwrap()
+            observed_mask(&record.sample(shot), &NovelView { position_m, rotation, ..view.clone() }).unwrap()
         };
         let masks: Vec<Vec<bool>> = (1..record.shots.len()).map(mask).collect();
         for (pixel, truth) in view.radiance.pixels().iter().enumerate() {
@@ -126,7 +126,7 @@ fn ceiling(record: &Record, scene: Scene) -> Scores {
 
 fn of_view(sample: &Sample, view: &NovelView, got: &RadianceImage) -> Scores {
     let angles = solid_angles_sr(got.width(), got.height());
-    let seen = seen_mask(sample, view).unwrap();
+    let seen = observed_mask(sample, view).unwrap();
     let mut scores = Scores::default();
     for (name, part) in [("psnr_db", None), ("seen_psnr_db", Some(true)), ("unseen_psnr_db", Some(false))] {
         let of = |(&angle, &seen): (&f32, &bool)| if part.is_none_or(|part| part == seen) { angle } else { 0.0 };

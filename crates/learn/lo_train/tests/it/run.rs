@@ -243,5 +243,5 @@ fn what_cannot_be_trained_is_said() {
     assert!(message(&config(), &gone).contains("its state is none of a run"), "{}", message(&config(), &gone));
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     let empty = DataConfig { folder: Some(folder.path().join("empty")), ..DataConfig::default() };
-    assert!(message(&TrainConfig { data: empty, ..config() }, &request).contains("none of the layouts"));
+    assert!(message(&TrainConfig { data: empty, ..config() }, &request).contains("unknown dataset layout"));
 }

@@ -56,7 +56,7 @@ impl Default for CropModel {
 }
 
 /// Panorama with further maps of the same directions. All have the same size.
-pub(super) struct Surroundings<'a> {
+pub(super) struct PanoramaMaps<'a> {
     pub radiance: &'a RadianceImage,
     /// Distance in metres.
     pub depth_m: Option<&'a DepthMap>,
@@ -65,7 +65,7 @@ pub(super) struct Surroundings<'a> {
     pub albedo: Option<&'a RadianceImage>,
 }
 
-impl Surroundings<'_> {
+impl PanoramaMaps<'_> {
     /// Returns a surface point for each pixel with known distance.
     fn points(&self) -> Vec<RadiancePoint> {
         let Some(enclosure_m) = self.enclosure_m else { return Vec::new() };
@@ -85,23 +85,22 @@ impl CropModel {
     /// camera.
     ///
     /// The random choices depend on the id, not on the panorama's index in the folder.
-    pub(super) fn take(&self, id: &str, scene_id: String, crop: usize, around: &Surroundings) -> Record {
+    pub(super) fn crop(&self, id: &str, scene_id: String, crop: usize, maps: &PanoramaMaps) -> Record {
         let mut stream = lo_random::stream(self.seed ^ lo_random::hash(id.as_bytes()), "crop", crop as u64);
         let camera = self.camera(&mut stream);
         // Crops are spread around the circle, so that a few of them cover the whole room.
         let yaw = std::f32::consts::TAU * (crop as f32 + stream.random::<f32>()) / self.crops.max(1) as f32;
         let [pitch, roll] = [self.pitch_deg, self.roll_deg].map(|angle| angle.draw(&mut stream).to_radians());
         let rotation = view_rotation(yaw, pitch, roll);
-        let seen = perspective_from_equirectangular(around.radiance, &camera, rotation);
+        let seen = perspective_from_equirectangular(maps.radiance, &camera, rotation);
         let mut settings = self.photo.draw(&mut stream);
         if self.even_sharpness {
-            settings.blur_px = settings.blur_px.hypot(self.missing_blur_px(&camera, around.radiance.width()));
+            settings.blur_px = settings.blur_px.hypot(self.missing_blur_px(&camera, maps.radiance.width()));
         }
         let taken = settings.photograph(&seen, &camera, &mut stream);
         let [r, g, b] = taken.gains;
-        let depth_m = around
-            .depth_m
-            .map(|depth| lookup(depth, &camera, rotation, |&distance, direction| distance * -direction.z));
+        let depth_m =
+            maps.depth_m.map(|depth| lookup(depth, &camera, rotation, |&distance, direction| distance * -direction.z));
         let shot = Shot {
             position_m: Vec3::ZERO,
             rotation: Quat::from_mat3(&rotation),
@@ -113,7 +112,7 @@ impl CropModel {
             depth_m,
             sensor_depth_m: None,
             normal: None,
-            albedo: around.albedo.map(|albedo| lookup(albedo, &camera, rotation, |&rgb, _| rgb)),
+            albedo: maps.albedo.map(|albedo| lookup(albedo, &camera, rotation, |&rgb, _| rgb)),
             views: vec![0],
             metadata: Metadata::from_iter([
                 ("gains".to_owned(), serde_json::json!(taken.gains)),
@@ -123,8 +122,8 @@ impl CropModel {
         let view = NovelView {
             position_m: Vec3::ZERO,
             rotation: Quat::IDENTITY,
-            radiance: resize_equirectangular(around.radiance, 2 * self.panorama_height, self.panorama_height),
-            depth_m: around.depth_m.map(|depth| {
+            radiance: resize_equirectangular(maps.radiance, 2 * self.panorama_height, self.panorama_height),
+            depth_m: maps.depth_m.map(|depth| {
                 let (width, height) = (2 * self.panorama_height, self.panorama_height);
                 // Nearest neighbour: depths of two surfaces must not be mixed.
                 Image::from_fn(width, height, |x, y| {
@@ -136,7 +135,7 @@ impl CropModel {
             key: if self.crops > 1 { format!("{id}-{crop}") } else { id.to_owned() },
             scene_id,
             up: Some(Vec3::Y),
-            points: around.points(),
+            points: maps.points(),
             point_area_m2: None,
             views: vec![view],
             shots: vec![shot],

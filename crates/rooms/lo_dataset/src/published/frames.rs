@@ -24,11 +24,11 @@ const LIST: &str = "frames.json";
 #[derive(Debug)]
 pub struct Frames {
     list: PathBuf,
-    frames: Vec<Listed>,
+    frames: Vec<FrameEntry>,
 }
 
 #[derive(Debug, Deserialize)]
-struct Listed {
+struct FrameEntry {
     color: PathBuf,
     depth: PathBuf,
     depth_scale: f64,
@@ -49,7 +49,7 @@ impl Frames {
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
         let list = if path.is_dir() { path.join(LIST) } else { path.to_owned() };
         let text = std::fs::read_to_string(&list).map_err(DatasetError::io(&list))?;
-        let frames: Vec<Listed> =
+        let frames: Vec<FrameEntry> =
             serde_json::from_str(&text).map_err(|error| DatasetError::field(&list, "frames", error))?;
         if frames.is_empty() {
             return Err(DatasetError::field(&list, "frames", "the list is empty"));

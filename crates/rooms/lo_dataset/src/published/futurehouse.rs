@@ -5,7 +5,7 @@ use lo_geometry::{Quat, Vec3, pixel_direction};
 use lo_imaging::{DepthMap, Image, RadianceImage, read_radiance};
 use lo_random::seq::SliceRandom;
 
-use super::crop::{CropModel, Surroundings, pixel_at};
+use super::crop::{CropModel, PanoramaMaps, pixel_at};
 use super::files::{entries, folders, name, read_panorama};
 use crate::{Dataset, DatasetError, NovelView, Record, Sample};
 
@@ -101,14 +101,14 @@ impl Dataset for FutureHouse {
         } else {
             None
         };
-        let around =
-            Surroundings { radiance: &radiance, depth_m: Some(&depth_m), enclosure_m: None, albedo: albedo.as_ref() };
+        let maps =
+            PanoramaMaps { radiance: &radiance, depth_m: Some(&depth_m), enclosure_m: None, albedo: albedo.as_ref() };
         let id = format!("{}-{}", panorama.house, panorama.number);
-        let mut record = self.model.take(&id, panorama.house.clone(), index % self.crops(), &around);
+        let mut record = self.model.crop(&id, panorama.house.clone(), index % self.crops(), &maps);
         if let Some(light) = &panorama.light {
             add_probes(light, &depth_m, self.model.seed, &mut record)?;
         }
-        Ok(record.sample(0))
+        Ok(record.into_sample())
     }
 }
 

@@ -269,7 +269,7 @@ impl Dataset for InteriorNet {
             shots: vec![shot],
             metadata: Metadata::new(),
         };
-        Ok(record.sample(0))
+        Ok(record.into_sample())
     }
 }
 

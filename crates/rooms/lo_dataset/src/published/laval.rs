@@ -140,6 +140,6 @@ impl Dataset for LavalVarying {
             shots: vec![shot],
             metadata: Metadata::new(),
         };
-        Ok(record.sample(0))
+        Ok(record.into_sample())
     }
 }

@@ -151,8 +151,8 @@ impl RoomPlan {
         let faces = self.faces();
         DepthMap::from_fn(width, height, |x, y| {
             let at = self.point(x, y, width);
-            let unknown = self.unknown.iter().any(|outline| self.shows(outline, at));
-            let found = if unknown { None } else { self.seen_m(at, pixel_direction(x, y, width, height), &faces) };
+            let unknown = self.unknown.iter().any(|outline| self.outline_contains(outline, at));
+            let found = if unknown { None } else { self.visible_m(at, pixel_direction(x, y, width, height), &faces) };
             found.unwrap_or(0.0)
         })
     }
@@ -167,7 +167,7 @@ impl RoomPlan {
             let lid = || level(direction, (self.top_m() - self.camera_height_m).max(MIN_LID_M));
             // Near the horizon, gaps between the floor's corners may have no surface.
             let none = *RANGE_M.end();
-            self.seen_m(self.point(x, y, width), direction, &faces).or_else(lid).unwrap_or(none).min(none)
+            self.visible_m(self.point(x, y, width), direction, &faces).or_else(lid).unwrap_or(none).min(none)
         })
     }
 
@@ -182,9 +182,9 @@ impl RoomPlan {
     }
 
     /// Returns the distance of the top seen there, else of the nearest of floor, ceiling, walls and uprights.
-    fn seen_m(&self, at: Vec2, direction: Vec3, faces: &[Face]) -> Option<f32> {
+    fn visible_m(&self, at: Vec2, direction: Vec3, faces: &[Face]) -> Option<f32> {
         let over = |height_m: f32| level(direction, height_m - self.camera_height_m);
-        let top = self.tops.iter().rev().filter(|top| self.shows(&top.outline, at));
+        let top = self.tops.iter().rev().filter(|top| self.outline_contains(&top.outline, at));
         if let Some(top) = top.filter_map(|top| over(top.height_m)).next() {
             return Some(top);
         }
@@ -216,8 +216,8 @@ impl RoomPlan {
     }
 
     /// Whether a polygon of the panorama contains a point, including the part beyond the panorama's ends.
-    fn shows(&self, outline: &[Vec2], at: Vec2) -> bool {
-        [-self.width, 0.0, self.width].into_iter().any(|aside| holds(outline, at + Vec2::new(aside, 0.0)))
+    fn outline_contains(&self, outline: &[Vec2], at: Vec2) -> bool {
+        [-self.width, 0.0, self.width].into_iter().any(|aside| contains(outline, at + Vec2::new(aside, 0.0)))
     }
 }
 
@@ -244,7 +244,7 @@ fn level(direction: Vec3, height_m: f32) -> Option<f32> {
 }
 
 /// Whether a polygon contains a point, by the even-odd rule.
-fn holds(outline: &[Vec2], at: Vec2) -> bool {
+fn contains(outline: &[Vec2], at: Vec2) -> bool {
     let next = outline.iter().cycle().skip(1);
     let crossings = outline
         .iter()

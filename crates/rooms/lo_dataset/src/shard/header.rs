@@ -31,7 +31,7 @@ pub(super) const UNITS: &str = "linear Rec. 709; radiance = array * 2**exponent;
 
 /// Array of half floats, to be multiplied by 2^exponent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Halves {
+pub(super) struct HalfFloats {
     pub file: String,
     pub exponent: i32,
 }
@@ -42,7 +42,7 @@ pub(super) struct PointsHeader {
     pub position: String,
     pub origin_m: [f32; 3],
     pub step_m: f32,
-    pub radiance: Halves,
+    pub radiance: HalfFloats,
     /// Surface area per point. Missing in archives from before November 2026.
     #[serde(default)]
     pub area_m2: Option<f32>,
@@ -52,7 +52,7 @@ pub(super) struct PointsHeader {
 pub(super) struct ViewHeader {
     pub position_m: [f32; 3],
     pub rotation_xyzw: [f32; 4],
-    pub radiance: Halves,
+    pub radiance: HalfFloats,
     pub depth: Option<String>,
 }
 
@@ -63,7 +63,7 @@ pub(super) struct ShotHeader {
     pub gains: [f32; 3],
     pub camera: Camera,
     pub photo: String,
-    pub radiance: Option<Halves>,
+    pub radiance: Option<HalfFloats>,
     pub depth: Option<String>,
     pub sensor_depth: Option<String>,
     pub normal: Option<String>,

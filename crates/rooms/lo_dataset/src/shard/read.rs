@@ -2,7 +2,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use super::index::{RecordIndex, ShardIndex};
-use super::pack::{HEADER, Problem, header, unpack};
+use super::pack::{HEADER, MemberError, header, unpack};
 use crate::{Dataset, DatasetError, Sample};
 
 /// All shards of a folder, with random access.
@@ -44,8 +44,8 @@ impl Shards {
 
     fn add(&mut self, shard: ShardIndex) -> Result<(), DatasetError> {
         for (number, record) in shard.records.iter().enumerate() {
-            let bytes = member(&shard, record, HEADER).map_err(|problem| located(&shard, record, problem))?;
-            let header = header(&bytes).map_err(|problem| located(&shard, record, problem))?;
+            let bytes = member(&shard, record, HEADER).map_err(|error| located(&shard, record, error))?;
+            let header = header(&bytes).map_err(|error| located(&shard, record, error))?;
             let scene = self.scene_ids.len() as u32;
             self.scene_ids.push(header.scene_id);
             self.samples.extend((0..header.shots.len()).map(|shot| ShotIndex {
@@ -80,26 +80,26 @@ impl Dataset for Shards {
 }
 
 /// Reads a photo's sample. Also returns the record's number of photos.
-fn read_shot(shard: &ShardIndex, record: &RecordIndex, shot: usize) -> Result<(usize, Sample), Problem> {
+fn read_shot(shard: &ShardIndex, record: &RecordIndex, shot: usize) -> Result<(usize, Sample), MemberError> {
     let header = header(&member(shard, record, HEADER)?)?;
     if shot >= header.shots.len() {
-        return Err(Problem::new(HEADER, "shots", "fewer than when the archive was opened"));
+        return Err(MemberError::new(HEADER, "shots", "fewer than when the archive was opened"));
     }
     let read = |file: &str| member(shard, record, file);
-    Ok((header.shots.len(), unpack(&record.key, &header, shot, &read)?.sample(0)))
+    Ok((header.shots.len(), unpack(&record.key, &header, shot, &read)?.into_sample()))
 }
 
-fn member(shard: &ShardIndex, record: &RecordIndex, file: &str) -> Result<Vec<u8>, Problem> {
-    let span = record.members.get(file).ok_or_else(|| Problem::new(file, "file", "missing from the archive"))?;
-    shard.bytes(*span).map_err(|error| Problem::new(file, "file", error))
+fn member(shard: &ShardIndex, record: &RecordIndex, file: &str) -> Result<Vec<u8>, MemberError> {
+    let span = record.members.get(file).ok_or_else(|| MemberError::new(file, "file", "missing from the archive"))?;
+    shard.bytes(*span).map_err(|error| MemberError::new(file, "file", error))
 }
 
-fn located(shard: &ShardIndex, record: &RecordIndex, problem: Problem) -> DatasetError {
+fn located(shard: &ShardIndex, record: &RecordIndex, error: MemberError) -> DatasetError {
     DatasetError::Member {
         shard: shard.path.clone(),
-        member: format!("{}.{}", record.key, problem.file),
-        field: problem.field,
-        reason: problem.reason,
+        member: format!("{}.{}", record.key, error.file),
+        field: error.field,
+        reason: error.reason,
     }
 }
 

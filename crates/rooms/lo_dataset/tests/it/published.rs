@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use lo_dataset::{CropModel, Dataset, Layout, Panoramas, Sample, Split};
+use lo_dataset::{CropModel, Dataset, DatasetLayout, Panoramas, Sample, Split};
 use lo_geometry::{Vec3, pixel_direction, uv_from_direction};
 use lo_imaging::{
     DepthMap, ExrOptions, Image, RadianceImage, linear_from_srgb8, sample_equirectangular, write_depth, write_radiance,
@@ -77,8 +77,8 @@ fn room_distance(d: Vec3) -> f32 {
 fn futurehouse_in_its_published_layout() {
     let folder = tempfile::tempdir().unwrap();
     futurehouse(folder.path());
-    assert_eq!(Layout::detect(folder.path()).unwrap(), Layout::FutureHouse);
-    let dataset = Layout::FutureHouse.open(folder.path(), small()).unwrap();
+    assert_eq!(DatasetLayout::detect(folder.path()).unwrap(), DatasetLayout::FutureHouse);
+    let dataset = DatasetLayout::FutureHouse.open(folder.path(), small()).unwrap();
     assert_eq!(dataset.len(), 6);
     assert_eq!((dataset.scene_id(0), dataset.scene_id(5)), ("000123".into(), "000777".into()));
     let sample = dataset.get(1).unwrap();
@@ -114,7 +114,7 @@ fn futurehouse_errors_name_the_file_and_the_field() {
     let folder = tempfile::tempdir().unwrap();
     futurehouse(folder.path());
     let cubemaps = folder.path().join("000123").join("ue4_result").join("CubemapData");
-    let message = || Layout::FutureHouse.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
+    let message = || DatasetLayout::FutureHouse.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
     let depth = cubemaps.join("0_depth.hdr");
     hdr(&depth, &Image::new(32, 16, vec![[0.2; 3]; 512]));
     assert_eq!(message(), format!("{}: size: 32 × 16 pixels, but the panorama has 64 × 32", depth.display()));
@@ -171,8 +171,8 @@ fn interiornet(root: &Path) -> std::path::PathBuf {
 fn interiornet_in_its_published_layout() {
     let folder = tempfile::tempdir().unwrap();
     interiornet(folder.path());
-    assert_eq!(Layout::detect(folder.path()).unwrap(), Layout::InteriorNet);
-    let dataset = Layout::InteriorNet.open(folder.path(), small()).unwrap();
+    assert_eq!(DatasetLayout::detect(folder.path()).unwrap(), DatasetLayout::InteriorNet);
+    let dataset = DatasetLayout::InteriorNet.open(folder.path(), small()).unwrap();
     assert_eq!((dataset.len(), dataset.scene_id(2)), (3, "3FO4_Bedroom".into()));
     let first = dataset.get(0).unwrap();
     assert_eq!(first.id, "3FO4_Bedroom-original_1_1-0");
@@ -190,7 +190,7 @@ fn interiornet_in_its_published_layout() {
     assert_eq!(dataset.get(2).unwrap().views.len(), 1, "positions behind the camera are not observed");
     // A sequence alone needs its cameras beside it.
     let sequence = folder.path().join("HD1").join("3FO4_Bedroom").join("original_1_1");
-    assert!(Layout::InteriorNet.open(&sequence, small()).err().unwrap().to_string().contains("no cam0.ccam"));
+    assert!(DatasetLayout::InteriorNet.open(&sequence, small()).err().unwrap().to_string().contains("no cam0.ccam"));
 }
 
 #[test]
@@ -200,7 +200,7 @@ fn interiornet_errors_name_the_line() {
     let good = std::fs::read_to_string(&cameras).unwrap();
     let message = |text: String| {
         std::fs::write(&cameras, text).unwrap();
-        let error = Layout::InteriorNet.open(folder.path(), small()).err().unwrap().to_string();
+        let error = DatasetLayout::InteriorNet.open(folder.path(), small()).err().unwrap().to_string();
         error.strip_prefix(&cameras.display().to_string()).unwrap().to_owned()
     };
     assert_eq!(message(good.replacen("30 24 16", "30 x 16", 1)), ": line 7: `x` is not a number");
@@ -212,7 +212,7 @@ fn interiornet_errors_name_the_line() {
     std::fs::write(&cameras, &good).unwrap();
     let photo = folder.path().join("HD1/3FO4_Bedroom/original_1_1/cam0/data/0.png");
     write_srgb8(&photo, &Image::new(4, 4, vec![[0; 3]; 16]), 90, lo_imaging::GENERATOR).unwrap();
-    let error = Layout::InteriorNet.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
+    let error = DatasetLayout::InteriorNet.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
     assert_eq!(error, format!("{}: size: 4 × 4 pixels, but cam0.ccam has 48 × 32", photo.display()));
 }
 
@@ -226,8 +226,8 @@ fn laval_scenes_by_their_description() {
     let text =
         r#"{"photo": "crop.exr", "hfov_deg": 60, "probes": [{"file": "probe0.exr", "u": 36, "v": 16, "depth_m": 2}]}"#;
     write(text);
-    assert_eq!(Layout::detect(folder.path()).unwrap(), Layout::LavalVarying);
-    let dataset = Layout::LavalVarying.open(folder.path(), small()).unwrap();
+    assert_eq!(DatasetLayout::detect(folder.path()).unwrap(), DatasetLayout::LavalVarying);
+    let dataset = DatasetLayout::LavalVarying.open(folder.path(), small()).unwrap();
     let sample = dataset.get(0).unwrap();
     // A quarter of the width right of the centre: 2 m · tan 30° / 2.
     assert!((sample.views[0].position_m - Vec3::new(0.57735, 0.0, -2.0)).length() < 1e-4);
@@ -325,9 +325,9 @@ fn panoramas_of_one_place_share_its_photos_and_their_part() {
 
 /// Checks the crops of a folder with `panoramas` panoramas. `named` is the index of a sample and its expected id.
 fn crops_show_their_panorama(folder: &Path, panoramas: usize, named: (usize, &str)) {
-    assert_eq!(Layout::detect(folder).unwrap(), Layout::Panoramas);
+    assert_eq!(DatasetLayout::detect(folder).unwrap(), DatasetLayout::Panoramas);
     let model = CropModel { width: 48, height: 32, panorama_height: 128, crops: 2, ..CropModel::default() };
-    let dataset = Layout::Panoramas.open(folder, model).unwrap();
+    let dataset = DatasetLayout::Panoramas.open(folder, model).unwrap();
     assert_eq!(dataset.len(), 2 * panoramas);
     assert_eq!(dataset.get(named.0).unwrap().id, named.1);
     for index in 0..dataset.len() {
@@ -342,7 +342,7 @@ fn crops_show_their_panorama(folder: &Path, panoramas: usize, named: (usize, &st
     }
     // Photo and ground truth agree: the same light in another projection and resolution.
     let fine = CropModel { hfov_deg: lo_sensor::Interval::new(60.0, 60.0), crops: 1, width: 24, height: 16, ..model };
-    let sample = Layout::Panoramas.open(folder, fine).unwrap().get(panoramas.min(3) - 1).unwrap();
+    let sample = DatasetLayout::Panoramas.open(folder, fine).unwrap().get(panoramas.min(3) - 1).unwrap();
     let radiance = sample.radiance.as_ref().unwrap();
     let (mut sum, mut reference) = (0.0, 0.0);
     for y in 0..16 {
@@ -373,8 +373,8 @@ fn frames_are_photos_with_measured_depth() {
     };
     entry(500.0, "[30, 31, 16.5, 11.5]");
     for path in [folder.path(), &list] {
-        assert_eq!(Layout::detect(path).unwrap(), Layout::Frames);
-        let dataset = Layout::Frames.open(path, small()).unwrap();
+        assert_eq!(DatasetLayout::detect(path).unwrap(), DatasetLayout::Frames);
+        let dataset = DatasetLayout::Frames.open(path, small()).unwrap();
         let sample = dataset.get(0).unwrap();
         assert_eq!((dataset.len(), &*dataset.scene_id(0), &*sample.id), (1, "hall", "a"));
         assert_eq!((sample.photo.width(), sample.camera.fy, sample.camera.cx), (32, 31.0, 16.5));
@@ -383,7 +383,7 @@ fn frames_are_photos_with_measured_depth() {
         assert_eq!((depth_m.width(), depth_m[(3, 5)], depth_m[(30, 5)]), (32, 4.0, 0.0));
         assert!(dataset.get(1).is_err());
     }
-    let message = || match Layout::Frames.open(&list, small()) {
+    let message = || match DatasetLayout::Frames.open(&list, small()) {
         Err(error) => error.to_string(),
         Ok(dataset) => dataset.get(0).unwrap_err().to_string(),
     };
@@ -401,9 +401,9 @@ fn frames_are_photos_with_measured_depth() {
 fn unknown_folders_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("letter.txt"), "dear").unwrap();
-    let message = Layout::detect(folder.path()).unwrap_err().to_string();
+    let message = DatasetLayout::detect(folder.path()).unwrap_err().to_string();
     assert!(message.ends_with(
         "unknown dataset layout; supported are frames, shards, futurehouse, interiornet, laval-varying, panoramas"
     ));
-    assert!(Layout::detect(&folder.path().join("nowhere")).is_err());
+    assert!(DatasetLayout::detect(&folder.path().join("nowhere")).is_err());
 }

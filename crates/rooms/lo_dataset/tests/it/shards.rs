@@ -115,7 +115,10 @@ fn errors_name_archive_member_and_field() {
         message(&json("\"format_version\":1", "\"format_version\":7")),
         "member a.json: format_version: version 7 is not supported; this program reads version 1"
     );
-    assert_eq!(message(&json("\"views\":[0]", "\"views\":[9]")), "member a.json: shots[0].views: view 9 does not exist; the record has 2");
+    assert_eq!(
+        message(&json("\"views\":[0]", "\"views\":[9]")),
+        "member a.json: shots[0].views: view 9 does not exist; the record has 2"
+    );
     assert!(message(&json("\"fx\":", "\"fx\":-")).starts_with("member a.json: shots[0].camera: focal lengths"));
     assert!(message(&json("\"step_m\":", "\"step_m\":-")).starts_with("member a.json: points.step_m: -"));
     assert!(message(&json("\"gains\":[0.5", "\"gains\":[-0.5")).starts_with("member a.json: shots[0].gains: [-0.5"));

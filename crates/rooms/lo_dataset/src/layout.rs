@@ -5,7 +5,7 @@ use crate::{Dataset, DatasetError, Shards};
 
 /// File layout of a dataset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layout {
+pub enum DatasetLayout {
     /// [`Shards`].
     Shards,
     /// [`FutureHouse`].
@@ -20,7 +20,7 @@ pub enum Layout {
     Frames,
 }
 
-impl Layout {
+impl DatasetLayout {
     /// All layouts, in the order of detection.
     pub const ALL: [Self; 6] =
         [Self::Frames, Self::Shards, Self::FutureHouse, Self::InteriorNet, Self::LavalVarying, Self::Panoramas];
@@ -91,7 +91,7 @@ impl Layout {
     ///
     /// # Errors
     /// Errors of both, or plans for a layout other than panoramas.
-    pub fn open_planned(
+    pub fn open_with_plans(
         self,
         path: &Path,
         model: CropModel,

@@ -18,20 +18,20 @@ const AT_CAMERA_M: f32 = 1e-3;
 /// With depth maps of both, a surface point is observed if it projects into the photo and its depth matches the photo's
 /// true depth. Open sky is observed where the photo has open sky in that direction. Without depth, a probe at the
 /// camera observes the camera's frustum; for other probes the result is unknown (`None`).
-pub fn seen_mask(sample: &Sample, view: &NovelView) -> Option<Vec<bool>> {
+pub fn observed_mask(sample: &Sample, view: &NovelView) -> Option<Vec<bool>> {
     let (width, height) = (view.radiance.width(), view.radiance.height());
     let directions = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let directions = directions.map(|(x, y)| ((x, y), view.rotation * pixel_direction(x, y, width, height)));
     match (&view.depth_m, &sample.depth_m) {
         (Some(distance_m), Some(depth_m)) => {
-            let seen = |((x, y), direction): ((usize, usize), Vec3)| {
+            let observed = |((x, y), direction): ((usize, usize), Vec3)| {
                 // The two maps may differ in size.
                 let distance = distance_m[(x * distance_m.width() / width, y * distance_m.height() / height)];
                 let open = !(distance.is_finite() && distance > 0.0);
                 let point = if open { direction } else { view.position_m + direction * distance };
-                shows(sample, depth_m, point, open)
+                is_observed(sample, depth_m, point, open)
             };
-            Some(directions.map(seen).collect())
+            Some(directions.map(observed).collect())
         }
         _ if view.position_m.length() < AT_CAMERA_M => {
             Some(directions.map(|(_, direction)| pixel_of(sample, direction).is_some()).collect())
@@ -41,7 +41,7 @@ pub fn seen_mask(sample: &Sample, view: &NovelView) -> Option<Vec<bool>> {
 }
 
 /// Whether the photo shows a surface point or, if `open`, the sky in that direction.
-fn shows(sample: &Sample, depth_m: &DepthMap, point: Vec3, open: bool) -> bool {
+fn is_observed(sample: &Sample, depth_m: &DepthMap, point: Vec3, open: bool) -> bool {
     pixel_of(sample, point).is_some_and(|([u, v], z)| {
         let column = (u * depth_m.width() as f64) as usize;
         let row = (v * depth_m.height() as f64) as usize;
@@ -54,8 +54,8 @@ fn shows(sample: &Sample, depth_m: &DepthMap, point: Vec3, open: bool) -> bool {
 /// Projects a point into the photo: coordinates in `[0, 1)`, and depth. `None` outside of the image.
 fn pixel_of(sample: &Sample, point: Vec3) -> Option<([f64; 2], f64)> {
     let (u, v, z) = sample.camera.project(point)?;
-    let place = [u / f64::from(sample.camera.width), v / f64::from(sample.camera.height)];
-    place.iter().all(|t| (0.0..1.0).contains(t)).then_some((place, z))
+    let position = [u / f64::from(sample.camera.width), v / f64::from(sample.camera.height)];
+    position.iter().all(|t| (0.0..1.0).contains(t)).then_some((position, z))
 }
 
 #[cfg(test)]
@@ -101,7 +101,7 @@ mod tests {
             radiance: RadianceImage::new(512, 256, vec![[1.0; 3]; 512 * 256]),
             depth_m: None,
         };
-        let mask = seen_mask(&sample, &view).unwrap();
+        let mask = observed_mask(&sample, &view).unwrap();
         let angle = |(index, _): (usize, &bool)| pixel_solid_angle_sr(index / 512, 512, 256);
         let got: f32 = mask.iter().enumerate().filter(|(_, seen)| **seen).map(angle).sum();
         // A centred rectangle a × b at distance 1: 4 asin(ab / √((1 + a²)(1 + b²))).
@@ -110,7 +110,7 @@ mod tests {
         let expected = 4.0 * (a * b / ((1.0 + a * a) * (1.0 + b * b)).sqrt()).asin();
         assert!((f64::from(got) / expected - 1.0).abs() < 0.01, "{got} {expected}");
         let elsewhere = NovelView { position_m: Vec3::X, ..view };
-        assert_eq!(seen_mask(&sample, &elsewhere), None);
+        assert_eq!(observed_mask(&sample, &elsewhere), None);
     }
 
     #[test]
@@ -125,7 +125,7 @@ mod tests {
             radiance: RadianceImage::new(64, 32, vec![[1.0; 3]; 64 * 32]),
             depth_m: Some(DepthMap::from_fn(64, 32, distance)),
         };
-        let mask = seen_mask(&sample, view).unwrap();
+        let mask = observed_mask(&sample, view).unwrap();
         let (width, height) = (view.radiance.width(), view.radiance.height());
         for (index, &seen) in mask.iter().enumerate() {
             let direction = pixel_direction(index % width, index / width, width, height);
@@ -139,6 +139,6 @@ mod tests {
         // An obstacle in the photo hides the wall.
         let mut hidden = sample.clone();
         hidden.depth_m.as_mut().unwrap().pixels_mut().fill(0.5);
-        assert!(seen_mask(&hidden, view).unwrap().iter().all(|seen| !seen));
+        assert!(observed_mask(&hidden, view).unwrap().iter().all(|seen| !seen));
     }
 }
