@@ -74,7 +74,7 @@ fn synth_is_resumable_and_the_same_however_it_is_split() {
     assert_eq!((found["layout"].as_str(), found["samples_in_all"].as_u64()), (Some("shards"), Some(6)));
     assert_eq!((found["summary"]["scenes"].as_u64(), found["summary"]["samples"].as_u64()), (Some(3), Some(6)));
     let text = done(at, &["dataset", "inspect", "whole"]);
-    assert!(text.contains("train") && text.contains("lamps that burn") && text.contains("depth, m"), "{text}");
+    assert!(text.contains("train") && text.contains("lamps switched on") && text.contains("depth, m"), "{text}");
     done(
         at,
         &["dataset", "preview", "whole", "--photos", "6", "--panoramas", "3", "--columns", "3", "-o", "sheet.png"],

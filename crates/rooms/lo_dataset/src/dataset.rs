@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_spread_stands_in_the_middles_of_equal_parts() {
+    fn evenly_spread_takes_the_middles_of_equal_ranges() {
         assert!(evenly_spread(10, 2).eq([2, 7]) && evenly_spread(3, 9).eq([0, 1, 2]));
         assert_eq!(evenly_spread(0, 4).count() + evenly_spread(4, 0).count(), 0);
     }

@@ -17,37 +17,37 @@ pub enum DatasetError {
     /// A file's content does not match its layout.
     #[error("{}: {field}: {reason}", path.display())]
     Field {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Line, key or property.
         field: String,
-        /// Problem.
+        /// Description of the problem.
         reason: String,
     },
     /// A shard is not a tar archive or is damaged.
     #[error("{}: {reason}", shard.display())]
     Shard {
-        /// The archive.
+        /// Path of the archive.
         shard: PathBuf,
-        /// Problem.
+        /// Description of the problem.
         reason: String,
     },
     /// A member of a shard does not match the format.
     #[error("{}: member {member}: {field}: {reason}", shard.display())]
     Member {
-        /// The archive.
+        /// Path of the archive.
         shard: PathBuf,
         /// Name within the archive.
         member: String,
         /// Part of the member.
         field: String,
-        /// Problem.
+        /// Description of the problem.
         reason: String,
     },
     /// A folder does not have the expected layout.
     #[error("{}: {reason}", folder.display())]
     Layout {
-        /// The folder.
+        /// Path of the folder.
         folder: PathBuf,
         /// What is missing or unknown.
         reason: String,
@@ -55,7 +55,7 @@ pub enum DatasetError {
     /// A folder of shards was created with other settings.
     #[error("{} was created with other settings ({field} differs)", folder.display())]
     OtherManifest {
-        /// The folder.
+        /// Path of the folder.
         folder: PathBuf,
         /// First field of its manifest that differs.
         field: String,
@@ -71,9 +71,9 @@ pub enum DatasetError {
     /// A scene cannot be generated.
     #[error("scene {scene_id}: {reason}")]
     Generate {
-        /// The scene.
+        /// Id of the scene.
         scene_id: String,
-        /// Problem.
+        /// Description of the problem.
         reason: String,
     },
 }

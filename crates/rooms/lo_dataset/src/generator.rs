@@ -362,7 +362,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn light_that_is_no_number_is_an_error_and_negative_light_is_dark() {
+    fn nan_radiance_is_an_error_and_negative_radiance_becomes_zero() {
         let mut record = crate::fixture::record("a");
         record.points[2].radiance = [-0.1, 0.5, 1.0];
         assert_eq!(check_light(&mut record), Ok(()));

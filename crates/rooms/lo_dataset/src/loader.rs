@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_give_ends_even_without_an_end() {
+    fn a_loader_without_samples_ends_even_with_infinite_epochs() {
         let forever = LoaderConfig { epochs: None, ..LoaderConfig::default() };
         assert_eq!(Loader::new(Arc::new(NumberedDataset::new(0)), forever).count(), 0);
         // A single scene belongs to one of the splits.

@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn with_depth_only_what_is_not_hidden_is_seen() {
+    fn with_depth_only_unoccluded_surfaces_are_observed() {
         // The photo shows only the wall at z = −2.
         let sample = Sample { depth_m: Some(DepthMap::new(96, 64, vec![2.0; 96 * 64])), ..sample() };
         let position_m = Vec3::new(0.4, -0.2, -0.8);

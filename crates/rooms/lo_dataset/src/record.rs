@@ -40,7 +40,7 @@ pub struct Shot {
     pub gains: [f32; 3],
     /// Camera intrinsics.
     pub camera: Camera,
-    /// The photo, sRGB.
+    /// sRGB photo.
     pub photo: Image<[u8; 3]>,
     /// File that the camera wrote, if any. It decodes to the photo.
     pub jpeg: Option<Vec<u8>>,
@@ -133,7 +133,8 @@ impl Record {
 }
 
 impl From<Sample> for Record {
-    /// A room with one photo, whose frame and units are the record's. Characters of the id that a key cannot have become `_`.
+    /// Makes a record with one photo, whose frame and units are the record's. Characters of the id that a key cannot
+    /// contain become `_`.
     fn from(sample: Sample) -> Self {
         let allowed = |c: char| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '_' };
         let shot = Shot {
@@ -165,7 +166,7 @@ impl From<Sample> for Record {
 }
 
 impl Shot {
-    /// Whether the photo shows a point of its frame; `None` without a depth map.
+    /// Returns whether the photo observes a point of its frame. `None` without a depth map.
     fn coverage(&self, position_m: Vec3) -> Option<Coverage> {
         let depth = self.depth_m.as_ref()?;
         let seen = self.camera.project(position_m).is_some_and(|(u, v, z)| {

@@ -16,7 +16,7 @@ pub struct Sample {
     pub id: String,
     /// Room of the sample. All samples of a room share it, and it determines the split.
     pub scene_id: String,
-    /// The photo, sRGB.
+    /// sRGB photo.
     pub photo: Image<[u8; 3]>,
     /// Camera intrinsics.
     pub camera: Camera,

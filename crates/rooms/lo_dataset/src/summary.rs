@@ -62,9 +62,9 @@ pub struct Distribution {
     pub name: &'static str,
     /// Number of samples that have it.
     pub count: usize,
-    /// Mean.
+    /// Mean value.
     pub mean: f32,
-    /// 5th, 25th, 50th, 75th and 95th percentile.
+    /// The 5th, 25th, 50th, 75th and 95th percentiles.
     pub percentiles: [f32; 5],
 }
 
@@ -122,7 +122,7 @@ impl Summary {
         self.figure("clipped pixels, share", clipped as f32 / sample.photo.pixels().len() as f32);
         self.figure("horizontal field of view, degrees", sample.camera.hfov_deg() as f32);
         let room = |key: &str| sample.metadata.get("room").and_then(|room| room.get(key)).and_then(Value::as_f64);
-        for (key, name) in [("lamps_on", "lamps that burn"), ("window_share", "window area, share of the floor's")] {
+        for (key, name) in [("lamps_on", "lamps switched on"), ("window_share", "window area, share of the floor's")] {
             if let Some(value) = room(key) {
                 self.figure(name, value as f32);
             }

@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_far_is_painted_on_the_side_and_hides_what_is_behind() {
+    fn distant_points_are_projected_onto_the_boundary_and_hide_those_behind() {
         let cube = Cube::centred(Vec3::ZERO, 8.0);
         let point = |z: f32, radiance: f32| RadiancePoint {
             position_m: Vec3::new(0.01 * z, 0.01 * z, z),

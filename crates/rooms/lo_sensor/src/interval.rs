@@ -27,7 +27,10 @@ impl Interval {
     /// # Panics
     /// If a bound is not finite or `low` is above `high`.
     pub const fn new(low: f32, high: f32) -> Self {
-        assert!(low.is_finite() && high.is_finite() && low <= high, "an interval's lower bound comes first");
+        assert!(
+            low.is_finite() && high.is_finite() && low <= high,
+            "an interval needs finite bounds, the lower one first"
+        );
         Self { low, high }
     }
 

@@ -9,7 +9,7 @@ pub enum TransportError {
     OutdoorsRadiance {
         /// Row-major index of the first invalid pixel.
         pixel: usize,
-        /// Its value.
+        /// Radiance of that pixel.
         radiance: [f32; 3],
     },
     /// The sun's direction is not a unit vector, its angular radius is out of range, or its radiance is negative or not
@@ -37,7 +37,7 @@ pub enum TransportError {
         index: usize,
         /// Name of the material.
         name: String,
-        /// Its radiance.
+        /// Emitted radiance.
         emissive: [f32; 3],
     },
     /// A setting is out of range.

@@ -14,8 +14,8 @@ use crate::sky::PreparedPortal;
 use crate::surface_samples::{self, SurfaceSample};
 use crate::transfer;
 
-/// Points per area of a leaf's face. With half as many, a leaf's point count no longer tells how much surface it
-/// contains ([`lo_octree::LightOctree::from_even_points`]).
+/// Points per leaf face. With half as many, a leaf's point count does not reliably measure its surface area
+/// ([`lo_octree::LightOctree::from_even_points`]).
 const POINTS_PER_FACE: f64 = 8.0;
 
 /// Radiance at evenly distributed surface points.

@@ -1,5 +1,5 @@
-//! Finds the surfels that light can reach. Insides of solids, surfaces that lie flat on others, and the outside of the
-//! house are excluded.
+//! Finds the surfels that light can reach. Excludes insides of solids, surfaces flat against others, and the outside of
+//! the house.
 
 use lo_geometry::{Ray, Vec3, cosine_hemisphere, orthonormal_basis};
 use lo_mesh::offset_origin;

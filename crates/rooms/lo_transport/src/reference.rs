@@ -124,7 +124,7 @@ impl PathTracer {
 
     fn path(&self, mut ray: Ray, mut last: PathVertex, bounces: u32, stream: &mut Stream) -> Vec3 {
         let (mut light, mut throughput) = (Vec3::ZERO, Vec3::ONE);
-        // The sun's disc counts for the eye and mirrors, as long as no matte surface lies between.
+        // The sun's disc counts for the eye and mirrors, unless a matte surface is in between.
         let mut matte_before = bounces > 0;
         for bounce in bounces..MAX_BOUNCES {
             let Some(hit) = self.world.hit(&ray) else {

@@ -234,7 +234,7 @@ fn cell(position: Vec3, cell_m: f32) -> [i32; 3] {
     [scaled.x as i32, scaled.y as i32, scaled.z as i32]
 }
 
-/// Builds a hash key. Cells 8192 apart share keys and are told apart by their positions.
+/// Builds a hash key. Cells 8192 apart share keys; positions distinguish them.
 fn key(component: u32, level: u32, face: u32, [x, y, z]: [i32; 3]) -> u64 {
     let bits = |v: i32| (v & 0x1fff) as u64;
     u64::from(level) << 62

@@ -23,11 +23,11 @@ pub struct CropModel {
     pub panorama_height: usize,
     /// Photos per panorama, in directions all around.
     pub crops: u32,
-    /// Horizontal field of view.
+    /// Horizontal field of view, in degrees.
     pub hfov_deg: Interval,
-    /// Pitch, positive upwards.
+    /// Pitch in degrees, positive upwards.
     pub pitch_deg: Interval,
-    /// Roll.
+    /// Roll, in degrees.
     pub roll_deg: Interval,
     /// Photo camera.
     pub photo: PhotoModel,
@@ -158,7 +158,7 @@ impl CropModel {
     fn camera_of(&self, hfov_deg: f64) -> Camera {
         let hfov_deg = hfov_deg.clamp(5.0, 150.0);
         Camera::from_hfov_deg(hfov_deg, self.width.max(1), self.height.max(1))
-            .expect("a field of view between 5° and 150° and a picture of at least a pixel make a camera")
+            .expect("a field of view of 5° to 150° and at least one pixel make a valid camera")
     }
 }
 

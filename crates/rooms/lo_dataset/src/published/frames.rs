@@ -15,7 +15,8 @@ const LIST: &str = "frames.json";
 /// Photos with measured depth: a `.json` file, or a folder with a `frames.json`, that contains a list of
 ///
 /// ```json
-/// {"color": "a.jpg", "depth": "a.png", "depth_scale": 5000, "intrinsics": [517.3, 516.5, 318.6, 255.3], "room": "office"}
+/// {"color": "a.jpg", "depth": "a.png", "depth_scale": 5000,
+///  "intrinsics": [517.3, 516.5, 318.6, 255.3], "room": "office"}
 /// ```
 ///
 /// Paths are relative to the list. `depth_scale` is the number of depth units per metre; 0 means no reading.

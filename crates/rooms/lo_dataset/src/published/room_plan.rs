@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn walls_end_where_nothing_is_known_of_a_ceiling() {
+    fn walls_end_at_their_top_without_a_ceiling() {
         let mut open = plan();
         (open["ceiling_m"], open["wall_top_m"]) = (serde_json::Value::Null, serde_json::json!(2.4));
         let distance_m = read(&open).unwrap().distance_m(512, 256);
@@ -334,7 +334,7 @@ mod tests {
     proptest::proptest! {
         /// As in `fuzz/fuzz_targets/plan.rs`, which uses arbitrary text.
         #[test]
-        fn with_other_numbers_it_is_an_error_or_has_distances(
+        fn plans_with_arbitrary_numbers_are_rejected_or_have_distances(
             changes in proptest::collection::vec((0usize..60, 0usize..9, -2000f32..2000.0), 1..6),
         ) {
             let mut numbers = Vec::new();
@@ -362,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn errors_name_the_field() {
         type Change<'a> = &'a dyn Fn(&mut serde_json::Value);
         let with = |change: Change| {
             let mut other = plan();

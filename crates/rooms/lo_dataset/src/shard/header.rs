@@ -8,7 +8,7 @@ use crate::sample::Metadata;
 /// Version of the shard format that is written and read.
 pub const FORMAT_VERSION: u32 = 1;
 
-/// `KEY.json`.
+/// Content of `KEY.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct RecordHeader {
     pub format_version: u32,

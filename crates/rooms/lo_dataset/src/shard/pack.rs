@@ -21,7 +21,7 @@ pub(super) struct MemberError {
     pub file: String,
     /// Part of the file.
     pub field: String,
-    /// Problem.
+    /// Description of the problem.
     pub reason: String,
 }
 
@@ -59,7 +59,7 @@ pub(super) fn pack(record: &Record, generator: &str) -> Vec<(String, Vec<u8>)> {
         shots,
         metadata: record.metadata.clone(),
     };
-    let json = serde_json::to_vec(&header).expect("a header has string keys alone and can be written to memory");
+    let json = serde_json::to_vec(&header).expect("a header has only string keys and is written to memory");
     files.insert(0, (HEADER.to_owned(), json));
     files
 }

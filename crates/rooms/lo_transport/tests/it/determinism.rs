@@ -1,4 +1,4 @@
-//! The same light on any number of threads, and errors instead of panics.
+//! Determinism across thread counts, and errors instead of panics.
 
 use crate::support::{Builder, RoomLight, cornell, living_room, panorama, photo};
 use lo_geometry::Vec3;
@@ -43,7 +43,7 @@ fn views_measure_depth_and_normals() {
 }
 
 #[test]
-fn worlds_that_cannot_be_are_refused() {
+fn invalid_worlds_are_rejected() {
     let bake = |change: &dyn Fn(&mut lo_transport::World)| {
         let mut world = cornell();
         change(&mut world);
