@@ -30,9 +30,7 @@ impl SurfaceSample {
         let ray = Ray { origin: self.position + self.normal, direction: -self.normal };
         world.interaction(&hit, &ray, footprint_m)
     }
-}
 
-impl SurfaceSample {
     /// Returns the samples on both sides of a triangle at a point. `None` for triangles without area.
     pub(crate) fn both_sides(world: &TracedWorld, triangle: u32, barycentric: [f32; 2]) -> Option<[Self; 2]> {
         let model = world.prepared.model();
