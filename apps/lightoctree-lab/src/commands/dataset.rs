@@ -11,7 +11,7 @@ use lightoctree_cli::progress::{bar, seconds};
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{interrupt, output, report};
 use lo_dataset::{
-    ContactSheet, CropModel, Dataset, DatasetError, Histogram, Layout, Loader, LoaderConfig, Sample, ShardCount,
+    ContactSheet, CropModel, Dataset, DatasetError, DatasetLayout, Histogram, Loader, LoaderConfig, Sample, ShardCount,
     ShardFolder, Split, Summary, SummaryReport, convert_to_shards, evenly_spread,
 };
 use lo_metrics::LightDistribution;
@@ -43,7 +43,7 @@ struct Source {
     /// Dataset folder, or a single shard (.tar)
     dataset: PathBuf,
 
-    /// Layout of the files [default: detected]
+    /// DatasetLayout of the files [default: detected]
     #[arg(long, value_name = "NAME")]
     layout: Option<LayoutName>,
 
@@ -73,7 +73,7 @@ pub(super) enum LayoutName {
     Frames,
 }
 
-impl From<LayoutName> for Layout {
+impl From<LayoutName> for DatasetLayout {
     fn from(name: LayoutName) -> Self {
         match name {
             LayoutName::Shards => Self::Shards,
@@ -187,13 +187,13 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 
 impl Source {
     /// Opens the dataset; at least one sample.
-    fn open(&self, global: &Global) -> anyhow::Result<(Layout, Arc<dyn Dataset>)> {
+    fn open(&self, global: &Global) -> anyhow::Result<(DatasetLayout, Arc<dyn Dataset>)> {
         let layout = match self.layout {
             Some(name) => name.into(),
-            None => Layout::detect(&self.dataset)?,
+            None => DatasetLayout::detect(&self.dataset)?,
         };
         let model = CropModel { crops: self.crops, seed: global.seed, ..CropModel::default() };
-        let dataset: Arc<dyn Dataset> = layout.open_planned(&self.dataset, model, self.plans.as_deref())?.into();
+        let dataset: Arc<dyn Dataset> = layout.open_with_plans(&self.dataset, model, self.plans.as_deref())?.into();
         if dataset.is_empty() {
             return Err(DatasetError::Layout { folder: self.dataset.clone(), reason: "no samples found".into() }.into());
         }
@@ -277,7 +277,7 @@ fn add_light(summary: &mut Summary, sample: &Sample) {
 }
 
 /// Formats the summary as text.
-fn text(layout: Layout, dataset: &Arc<dyn Dataset>, found: &SummaryReport) -> String {
+fn text(layout: DatasetLayout, dataset: &Arc<dyn Dataset>, found: &SummaryReport) -> String {
     let split = |name: &str, i: usize| {
         vec![name.to_owned(), found.scenes_by_split[i].to_string(), found.samples_by_split[i].to_string()]
     };
@@ -349,7 +349,7 @@ fn convert(global: &Global, args: &ConvertArgs) -> anyhow::Result<()> {
     let (per_shard, threads) = (args.samples_per_shard as usize, threads(global));
     let count = convert_to_shards(&shards, &dataset, per_shard, threads, &mut |event| bar.handle(event))?;
     drop(bar);
-    let ShardCount { all, there: done, written } = count;
+    let ShardCount { total: all, finished: done, written } = count;
     report::print(&format!(
         "{}  {written} shards written, {done} of {all} complete, {} samples in total, {}",
         args.output.display(),
@@ -386,7 +386,7 @@ fn preview(global: &Global, args: &PreviewArgs) -> anyhow::Result<()> {
         progress.inc(1);
     }
     progress.finish_and_clear();
-    imaging::write_srgb8(&args.output, &sheet.picture(), imaging::JPEG_QUALITY, &output::signature(CONVERT))?;
+    imaging::write_srgb8(&args.output, &sheet.image(), imaging::JPEG_QUALITY, &output::signature(CONVERT))?;
     report::print(&format!("{}  {photos} photos, {panoramas} panoramas", args.output.display()));
     Ok(())
 }

@@ -115,11 +115,11 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     crate::memory::retain_freed_memory();
     let begun = std::time::Instant::now();
     let [number, of] = args.shard;
-    let part = ShardPart { first: number as usize - 1, of: of as usize };
+    let part = ShardPart { index: number as usize - 1, count: of as usize };
     let mut bar = StageBar::new(global.quiet);
     let count = generate_shards(&shards, &generator, &rooms, per_shard, part, &mut |event| bar.handle(event))?;
     drop(bar);
-    let ShardCount { all: mine, there: done, written } = count;
+    let ShardCount { total: mine, finished: done, written } = count;
     if args.json {
         report::print_json(&json!({
             "shards_of_this_part": mine,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lo_dataset::{CropModel, Dataset, DatasetError, Layout, Sample, Split, evenly_spread, indices_of};
+use lo_dataset::{CropModel, Dataset, DatasetError, DatasetLayout, Sample, Split, evenly_spread, indices_of};
 use lo_events::{OnEvent, Stage, Steps};
 
 use crate::prior::TWO_PANORAMAS_APART;
@@ -17,8 +17,8 @@ use crate::{
 pub struct PhotoSelection {
     /// A dataset folder or a shard.
     pub dataset: PathBuf,
-    /// Layout of the files; detected if `None`.
-    pub layout: Option<Layout>,
+    /// DatasetLayout of the files; detected if `None`.
+    pub layout: Option<DatasetLayout>,
     /// A published protocol, which defines its own crops of panoramas.
     pub protocol: Option<Protocol>,
     /// Cameras of the crops of panoramas, without a protocol.
@@ -57,8 +57,8 @@ impl PhotoSelection {
         let dataset: Box<dyn Dataset> = match (self.protocol, self.layout) {
             (Some(protocol), _) => Box::new(ProtocolCrops::open(path, protocol)?),
             (None, layout) => {
-                let layout = layout.map_or_else(|| Layout::detect(path), Ok)?;
-                layout.open_planned(path, self.crops, self.plans.as_deref())?
+                let layout = layout.map_or_else(|| DatasetLayout::detect(path), Ok)?;
+                layout.open_with_plans(path, self.crops, self.plans.as_deref())?
             }
         };
         let indices = indices_of(dataset.as_ref(), self.part, self.most);

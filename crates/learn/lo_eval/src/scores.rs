@@ -1,6 +1,6 @@
 //! Figures of one method on one sample.
 
-use lo_dataset::{Sample, TrueLeaves, seen_mask, true_octree};
+use lo_dataset::{Sample, TrueLeaves, observed_mask, true_octree};
 use lo_geometry::Vec3;
 use lo_imaging::{RadianceImage, luminance};
 use lo_metrics::{
@@ -92,7 +92,7 @@ impl Scorer {
             .map(|(view, got)| {
                 let mut scores = Scores::default();
                 let angles = solid_angles_sr(got.width(), got.height());
-                let seen = seen_mask(sample, view);
+                let seen = observed_mask(sample, view);
                 parts(&mut scores, &view.radiance, got, &angles, seen.as_deref());
                 light_on_objects(&mut scores, &view.radiance, got, seen.as_deref());
                 for (name, sphere) in &self.spheres {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use lo_dataset::{CropModel, Dataset, Frames, Generated, Generator, Joined, Layout};
+use lo_dataset::{ConcatDataset, CropModel, Dataset, DatasetLayout, Frames, GeneratedDataset, Generator};
 
 use crate::config::{FramesData, PanoramaData, TrainConfig};
 use crate::error::{ConfigError, TrainError};
@@ -26,13 +26,15 @@ impl Sources {
     pub fn open(config: &TrainConfig, seed: u64) -> Result<Self, TrainError> {
         let data = &config.data;
         let rooms: Arc<dyn Dataset> = match &data.folder {
-            Some(folder) => Layout::detect(folder)?.open(folder, CropModel { seed, ..CropModel::default() })?.into(),
+            Some(folder) => {
+                DatasetLayout::detect(folder)?.open(folder, CropModel { seed, ..CropModel::default() })?.into()
+            }
             // Panoramas or frames alone are enough.
-            None if !data.panoramas.is_empty() || !data.frames.is_empty() => Arc::new(Joined::new(Vec::new())),
+            None if !data.panoramas.is_empty() || !data.frames.is_empty() => Arc::new(ConcatDataset::new(Vec::new())),
             None => {
                 let generator = Generator::new(seed, data.generator.clone())
                     .map_err(|error| ConfigError::Generator(error.to_string()))?;
-                Arc::new(Generated::new(generator, data.generated_rooms))
+                Arc::new(GeneratedDataset::new(generator, data.generated_rooms))
             }
         };
         let panoramas = open_panoramas(&data.panoramas, seed)?;
@@ -40,11 +42,11 @@ impl Sources {
             Ok(Arc::new(Oversampled::new(Frames::open(list)?, *repeats as usize)) as Arc<dyn Dataset>)
         });
         let frames: Vec<_> = frames.collect::<Result<_, TrainError>>()?;
-        // `Joined` has no blocks, but the photos of a generated room are rendered as one block: join only if needed.
+        // `ConcatDataset` has no blocks, but the photos of a generated room are rendered as one block: join only if needed.
         let all = if panoramas.is_empty() && frames.is_empty() {
             rooms.clone()
         } else {
-            Arc::new(Joined::new([rooms.clone(), panoramas.clone()].into_iter().chain(frames).collect()))
+            Arc::new(ConcatDataset::new([rooms.clone(), panoramas.clone()].into_iter().chain(frames).collect()))
         };
         Ok(Self { all, rooms, panoramas })
     }
@@ -57,7 +59,7 @@ impl Sources {
 pub(crate) fn open_panoramas(panoramas: &[PanoramaData], seed: u64) -> Result<Arc<dyn Dataset>, TrainError> {
     let open = |PanoramaData { folder, plans, crop }: &PanoramaData| {
         let crop = CropModel { seed, ..*crop };
-        Ok(Arc::from(Layout::Panoramas.open_planned(folder, crop, plans.as_deref())?))
+        Ok(Arc::from(DatasetLayout::Panoramas.open_with_plans(folder, crop, plans.as_deref())?))
     };
-    Ok(Arc::new(Joined::new(panoramas.iter().map(open).collect::<Result<_, TrainError>>()?)))
+    Ok(Arc::new(ConcatDataset::new(panoramas.iter().map(open).collect::<Result<_, TrainError>>()?)))
 }

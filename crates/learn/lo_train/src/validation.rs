@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use lo_cone::{Cone, ConeSample, OctreeRenderer};
-use lo_dataset::{Dataset, NovelView, Sample, Split, indices_of, seen_mask};
+use lo_dataset::{Dataset, NovelView, Sample, Split, indices_of, observed_mask};
 use lo_estimate::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input};
 use lo_events as events;
 use lo_events::Warning;
@@ -284,7 +284,7 @@ fn views_db(views: &[NovelView], panoramas: &[RadianceImage]) -> Option<f64> {
 }
 
 fn light_on_objects(sample: &Sample, view: &NovelView, got: &RadianceImage) -> Option<LightOnObjects> {
-    LightOnObjects::compare(&view.radiance, got, seen_mask(sample, view).as_deref())
+    LightOnObjects::compare(&view.radiance, got, observed_mask(sample, view).as_deref())
 }
 
 fn seen_from(trace: Trace<'_>, view: &NovelView) -> RadianceImage {

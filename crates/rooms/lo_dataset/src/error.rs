@@ -1,79 +1,79 @@
 use std::path::{Path, PathBuf};
 
-/// What went wrong with a dataset; every message names the file and what in it.
+/// Error of a dataset. Every message names the file and the part of it.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
-    /// The file system refused.
+    /// A file system operation failed.
     #[error("{}: {source}", path.display())]
     Io {
         /// File or folder.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// A picture cannot be read; the message names its file.
+    /// An image cannot be read. The message names its file.
     #[error(transparent)]
     Image(#[from] lo_imaging::ImageError),
-    /// A file does not hold what its layout promises.
+    /// A file's content does not match its layout.
     #[error("{}: {field}: {reason}", path.display())]
     Field {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Line, key or property.
         field: String,
-        /// What is wrong.
+        /// Description of the problem.
         reason: String,
     },
-    /// A shard is no tar archive, or a damaged one.
+    /// A shard is not a tar archive or is damaged.
     #[error("{}: {reason}", shard.display())]
     Shard {
-        /// The archive.
+        /// Path of the archive.
         shard: PathBuf,
-        /// What is wrong.
+        /// Description of the problem.
         reason: String,
     },
-    /// A member of a shard does not hold what the format promises.
+    /// A member of a shard does not match the format.
     #[error("{}: member {member}: {field}: {reason}", shard.display())]
     Member {
-        /// The archive.
+        /// Path of the archive.
         shard: PathBuf,
-        /// Name inside of the archive.
+        /// Name within the archive.
         member: String,
-        /// Which part of it.
+        /// Part of the member.
         field: String,
-        /// What is wrong.
+        /// Description of the problem.
         reason: String,
     },
-    /// A folder is not laid out as expected.
+    /// A folder does not have the expected layout.
     #[error("{}: {reason}", folder.display())]
     Layout {
-        /// The folder.
+        /// Path of the folder.
         folder: PathBuf,
         /// What is missing or unknown.
         reason: String,
     },
-    /// A folder of shards was begun with other settings.
-    #[error("{} was begun with another {field}", folder.display())]
+    /// A folder of shards was created with other settings.
+    #[error("{} was created with other settings ({field} differs)", folder.display())]
     OtherManifest {
-        /// The folder.
+        /// Path of the folder.
         folder: PathBuf,
-        /// The first field of its manifest that differs.
+        /// First field of its manifest that differs.
         field: String,
     },
-    /// There is no such sample.
-    #[error("sample {index} of {len}")]
+    /// A sample index is out of range.
+    #[error("sample index {index} is out of range; the dataset has {len} samples")]
     Index {
-        /// As asked for.
+        /// Requested index.
         index: usize,
-        /// How many there are.
+        /// Number of samples.
         len: usize,
     },
     /// A scene cannot be generated.
     #[error("scene {scene_id}: {reason}")]
     Generate {
-        /// The scene.
+        /// Id of the scene.
         scene_id: String,
-        /// What is wrong.
+        /// Description of the problem.
         reason: String,
     },
 }

@@ -1,4 +1,4 @@
-//! Jobs that fill a folder of shards, and that can be stopped and repeated.
+//! Resumable jobs that fill a folder of shards.
 
 use std::sync::Arc;
 
@@ -8,36 +8,37 @@ use crate::prefetch::Prefetch;
 use crate::shard::write_shard;
 use crate::{Dataset, DatasetError, Generator, LoadError, Loader, LoaderConfig, Record, ShardFolder};
 
-/// Rooms that are made at a time, where there are as many threads: each of them needs some hundred megabytes, and the loops over its rays use all threads.
-const MAX_ROOMS_AT_A_TIME: usize = 4;
+/// Maximum number of rooms that are generated in parallel. Each needs some hundred megabytes, and its ray loops use all
+/// threads.
+const MAX_PARALLEL_ROOMS: usize = 4;
 
-/// The part of a folder's shards that one of several runs makes: every `of`-th, from number `first` on.
+/// The shards of a folder that one of several runs makes: every `count`-th, starting at `index`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShardPart {
-    /// Below `of`.
-    pub first: usize,
-    /// Runs, at least 1.
-    pub of: usize,
+    /// Index of the run, below `count`.
+    pub index: usize,
+    /// Number of runs, at least 1.
+    pub count: usize,
 }
 
-/// What a run did for a folder of shards.
+/// Result of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShardCount {
-    /// Shards of its part.
-    pub all: usize,
-    /// Those of them that are there now: fewer than all where the run was cancelled.
-    pub there: usize,
-    /// Those that it wrote.
+    /// Shards of this run's part.
+    pub total: usize,
+    /// Finished shards of the part. Fewer than `total` if the run was cancelled.
+    pub finished: usize,
+    /// Shards written by this run.
     pub written: usize,
 }
 
-/// Why a folder of shards could not be filled. The shards that were finished are there.
+/// Failure of a shard job. Finished shards are kept.
 #[derive(Debug, thiserror::Error)]
 pub enum FillError {
     /// A sample cannot be read.
     #[error(transparent)]
     Sample(Box<LoadError>),
-    /// A room cannot be generated, or a file not be written.
+    /// A room cannot be generated, or a file cannot be written.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
 }
@@ -48,15 +49,15 @@ impl From<LoadError> for FillError {
     }
 }
 
-/// Generates these rooms, `per_shard` (at least 1) in an archive, where their archive is not there yet.
+/// Generates the missing shards of these rooms, with `per_shard` (at least 1) rooms per archive.
 ///
-/// Where the handler asks for the end, the shard in hand is finished first.
+/// If the handler cancels, the current shard is finished first.
 ///
 /// # Errors
-/// Of the first room or file that fails.
+/// Error of the first room or file that fails.
 ///
 /// # Panics
-/// Where `per_shard` or the number of runs is 0.
+/// If `per_shard` or the number of runs is 0.
 pub fn generate_shards(
     folder: &ShardFolder,
     generator: &Generator,
@@ -65,14 +66,14 @@ pub fn generate_shards(
     part: ShardPart,
     on_event: OnEvent<'_>,
 ) -> Result<ShardCount, FillError> {
-    let mine = || rooms.chunks(per_shard).enumerate().skip(part.first).step_by(part.of);
-    let todo: Vec<(usize, &[u64])> = mine().filter(|&(shard, _)| !folder.has(shard)).collect();
-    let in_turn: Vec<u64> = todo.iter().flat_map(|(_, rooms)| rooms.iter().copied()).collect();
-    let mut steps = Steps::begin(on_event, Stage::GenerateRooms, in_turn.len());
-    let at_a_time = rayon::current_num_threads().min(MAX_ROOMS_AT_A_TIME);
+    let own_shards = || rooms.chunks(per_shard).enumerate().skip(part.index).step_by(part.count);
+    let todo: Vec<(usize, &[u64])> = own_shards().filter(|&(shard, _)| !folder.has(shard)).collect();
+    let order: Vec<u64> = todo.iter().flat_map(|(_, rooms)| rooms.iter().copied()).collect();
+    let mut steps = Steps::begin(on_event, Stage::GenerateRooms, order.len());
+    let parallel = rayon::current_num_threads().min(MAX_PARALLEL_ROOMS);
     let generator = generator.clone();
-    let make = move |number: u64| in_turn.get(number as usize).map(|&room| generator.record(room));
-    let made = Prefetch::start(at_a_time, at_a_time, make);
+    let make = move |number: u64| order.get(number as usize).map(|&room| generator.record(room));
+    let made = Prefetch::start(parallel, parallel, make);
     let mut written = 0;
     for &(shard, rooms) in &todo {
         if steps.cancelled() {
@@ -87,19 +88,20 @@ pub fn generate_shards(
         written += 1;
     }
     steps.end();
-    let all = mine().count();
-    Ok(ShardCount { all, there: all - todo.len() + written, written })
+    let total = own_shards().count();
+    Ok(ShardCount { total, finished: total - todo.len() + written, written })
 }
 
-/// Writes a dataset's samples, `per_shard` (at least 1) in an archive, where their archive is not there yet; `threads` read them.
+/// Converts a dataset to shards with `per_shard` (at least 1) samples per archive, skipping finished ones. `threads`
+/// threads read the samples.
 ///
-/// Where the handler asks for the end, the shard in hand is finished first.
+/// If the handler cancels, the current shard is finished first.
 ///
 /// # Errors
-/// Of the first sample or file that fails.
+/// Error of the first sample or file that fails.
 ///
 /// # Panics
-/// Where `per_shard` is 0.
+/// If `per_shard` is 0.
 pub fn convert_to_shards(
     folder: &ShardFolder,
     dataset: &Arc<dyn Dataset>,
@@ -107,13 +109,13 @@ pub fn convert_to_shards(
     threads: usize,
     on_event: OnEvent<'_>,
 ) -> Result<ShardCount, FillError> {
-    let all = dataset.len().div_ceil(per_shard);
-    let todo: Vec<usize> = (0..all).filter(|&shard| !folder.has(shard)).collect();
+    let total = dataset.len().div_ceil(per_shard);
+    let todo: Vec<usize> = (0..total).filter(|&shard| !folder.has(shard)).collect();
     let samples_of = |shard: usize| shard * per_shard..dataset.len().min((shard + 1) * per_shard);
-    let total = todo.iter().map(|&shard| samples_of(shard).len()).sum();
-    let mut steps = Steps::begin(on_event, Stage::ReadSamples, total);
+    let samples = todo.iter().map(|&shard| samples_of(shard).len()).sum();
+    let mut steps = Steps::begin(on_event, Stage::ReadSamples, samples);
     let mut written = 0;
-    // one loader for each run of missing shards, so that it reads ahead from one shard into the next
+    // One loader per run of consecutive missing shards, so that it prefetches across shards.
     'runs: for run in todo.chunk_by(|a, b| a + 1 == *b) {
         let config = LoaderConfig { shuffle: false, threads, ..LoaderConfig::default() };
         let mut samples = Loader::from_sample(Arc::clone(dataset), config, samples_of(run[0]).start);
@@ -131,7 +133,7 @@ pub fn convert_to_shards(
         }
     }
     steps.end();
-    Ok(ShardCount { all, there: all - todo.len() + written, written })
+    Ok(ShardCount { total, finished: total - todo.len() + written, written })
 }
 
 #[cfg(test)]
@@ -147,9 +149,9 @@ mod tests {
     use crate::sample::tests::sample;
     use crate::{Sample, Shards};
 
-    struct Numbers(usize);
+    struct NumberedDataset(usize);
 
-    impl Dataset for Numbers {
+    impl Dataset for NumberedDataset {
         fn len(&self) -> usize {
             self.0
         }
@@ -167,17 +169,17 @@ mod tests {
     fn a_cancelled_conversion_ends_with_a_whole_shard_and_goes_on() {
         let at = tempfile::tempdir().unwrap();
         let folder = ShardFolder::open(at.path(), "samples", &json!({ "of": "numbers" }), false).unwrap();
-        let dataset: Arc<dyn Dataset> = Arc::new(Numbers(7));
-        let mut heard = 0;
+        let dataset: Arc<dyn Dataset> = Arc::new(NumberedDataset(7));
+        let mut received = 0;
         let mut cancel = |event: Event| {
-            heard += u32::from(matches!(event, Event::Progress { .. }));
-            // in the middle of the second shard
-            if heard == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            received += u32::from(matches!(event, Event::Progress { .. }));
+            // In the middle of the second shard.
+            if received == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let count = convert_to_shards(&folder, &dataset, 3, 2, &mut cancel).unwrap();
-        assert_eq!(count, ShardCount { all: 3, there: 2, written: 2 });
+        assert_eq!(count, ShardCount { total: 3, finished: 2, written: 2 });
         let count = convert_to_shards(&folder, &dataset, 3, 1, &mut lo_events::ignore).unwrap();
-        assert_eq!(count, ShardCount { all: 3, there: 3, written: 1 });
+        assert_eq!(count, ShardCount { total: 3, finished: 3, written: 1 });
         let shards = Shards::open(at.path()).unwrap();
         let ids = (0..shards.len()).map(|i| shards.get(i).unwrap().scene_id);
         assert!(ids.eq((0..7).map(|i| format!("room-{i}"))));

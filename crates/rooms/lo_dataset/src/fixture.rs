@@ -1,4 +1,4 @@
-//! A record for tests: those of this crate's modules, and by its path those of `tests/it/shards.rs`.
+//! A record for tests: of this crate's modules and, included by path, of `tests/it/shards.rs`.
 #![allow(clippy::unwrap_used)]
 
 use lo_geometry::{Camera, Quat, Vec3};
@@ -7,7 +7,7 @@ use lo_octree::{Provenance, RadiancePoint};
 
 use super::{Metadata, NovelView, Record, Shot};
 
-/// A room with two photos of 12 × 8 pixels and every field filled.
+/// Returns a room with two photos of 12 × 8 pixels and every field set.
 pub(crate) fn record(key: &str) -> Record {
     let shot = |number: usize| Shot {
         position_m: Vec3::new(0.5, 1.5, number as f32),

@@ -4,41 +4,41 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::{Dataset, DatasetError, Generator, Record, Sample};
 
-/// Rooms that are kept after they were made, so that the photos of one room do not make it again.
-const KEPT: usize = 4;
+/// Number of cached rooms, so that the photos of one room do not generate it again.
+const CACHED_ROOMS: usize = 4;
 
-/// Generated rooms as a dataset: made when asked for, nothing on disk. The photos of a room are a [block](Dataset::block).
+/// Generated rooms as a dataset: made on demand, nothing on disk. The photos of a room are a [block](Dataset::block).
 #[derive(Debug)]
-pub struct Generated {
+pub struct GeneratedDataset {
     generator: Generator,
     scenes: u32,
     /// The last rooms, newest first.
-    kept: Mutex<VecDeque<(u64, Arc<Record>)>>,
+    cached: Mutex<VecDeque<(u64, Arc<Record>)>>,
 }
 
-impl Generated {
-    /// The first `scenes` rooms of a generator; `u32::MAX` is as good as no end.
+impl GeneratedDataset {
+    /// Creates a dataset of a generator's first `scenes` rooms. `u32::MAX` is practically endless.
     pub fn new(generator: Generator, scenes: u32) -> Self {
-        Self { generator, scenes, kept: Mutex::default() }
+        Self { generator, scenes, cached: Mutex::default() }
     }
 
     fn room(&self, index: u64) -> Result<Arc<Record>, DatasetError> {
-        let kept = |rooms: &VecDeque<(u64, Arc<Record>)>| {
+        let cached = |rooms: &VecDeque<(u64, Arc<Record>)>| {
             rooms.iter().find(|(number, _)| *number == index).map(|(_, record)| Arc::clone(record))
         };
-        if let Some(record) = kept(&self.kept.lock().unwrap_or_else(PoisonError::into_inner)) {
+        if let Some(record) = cached(&self.cached.lock().unwrap_or_else(PoisonError::into_inner)) {
             return Ok(record);
         }
-        // not under the lock: other threads make other rooms meanwhile
+        // Generated without the lock, so that other threads generate other rooms meanwhile.
         let record = Arc::new(self.generator.record(index)?);
-        let mut rooms = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut rooms = self.cached.lock().unwrap_or_else(PoisonError::into_inner);
         rooms.push_front((index, Arc::clone(&record)));
-        rooms.truncate(KEPT);
+        rooms.truncate(CACHED_ROOMS);
         Ok(record)
     }
 }
 
-impl Dataset for Generated {
+impl Dataset for GeneratedDataset {
     fn len(&self) -> usize {
         self.scenes as usize * self.block()
     }
@@ -88,7 +88,7 @@ mod tests {
         let sample = record.sample(0);
         let (radiance, depth) = (sample.radiance.as_ref().unwrap(), sample.depth_m.as_ref().unwrap());
         assert!(radiance.pixels().iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
-        // the surface points that lie where the photo looks have the light that it sees there: median over its pixels
+        // Surface points observed by the photo have the radiance of its pixels: median over the points.
         let mut ratios = Vec::new();
         for point in &sample.points {
             let Some((u, v, z)) = sample.camera.project(point.position_m) else { continue };
@@ -103,7 +103,7 @@ mod tests {
         ratios.sort_unstable_by(f32::total_cmp);
         let median = ratios[ratios.len() / 2];
         assert!(ratios.len() > 500 && (0.8..1.25).contains(&median), "{} points, median {median}", ratios.len());
-        // every panorama of a photo stands in its frustum
+        // Every panorama of a photo is in its frustum.
         for view in &sample.views {
             let (u, v, z) = sample.camera.project(view.position_m).unwrap();
             assert!((0.0..96.0).contains(&u) && (0.0..64.0).contains(&v) && z < 12.0);
@@ -151,7 +151,7 @@ mod tests {
         for (dark, lit) in dark.shots.iter().zip(&lit.shots) {
             let intensity_cd = lit.metadata["photo"]["flash_cd"].as_f64().unwrap() as f32;
             assert!(dark.metadata["photo"].get("flash_cd").is_none() && dark.depth_m == lit.depth_m);
-            // In units of the room: what is added where the photo looks squarely at something matt is E ρ / π.
+            // In units of the room: the flash adds E ρ / π where the photo sees a matte surface perpendicularly.
             let added = |x: usize, y: usize| {
                 let light = |shot: &Shot| shot.radiance.as_ref().unwrap()[(x, y)][1] / shot.gains[1];
                 light(lit) - light(dark)
@@ -166,7 +166,7 @@ mod tests {
                 let expected = lux * albedo[(x, y)][1] / std::f32::consts::PI / lo_synth::UNIT_CD_M2;
                 right += usize::from((added(x, y) / expected - 1.0).abs() < 0.02);
             }
-            // All but mirrors and panes, and dark rims where differences of floats are coarse.
+            // All except mirrors, panes, and dark rims where differences of floats are coarse.
             assert!(right > 80 * 48 / 2, "{right}");
         }
     }
@@ -189,11 +189,11 @@ mod tests {
 
     #[test]
     fn a_dataset_makes_each_room_once_for_all_its_photos() {
-        let dataset = Generated::new(small(), 5);
+        let dataset = GeneratedDataset::new(small(), 5);
         assert_eq!((dataset.len(), dataset.block()), (10, 2));
         assert_eq!(dataset.scene_id(9), "synth-11-000004");
         let (a, b) = (dataset.get(2).unwrap(), dataset.get(3).unwrap());
-        assert_eq!(dataset.kept.lock().unwrap().len(), 1);
+        assert_eq!(dataset.cached.lock().unwrap().len(), 1);
         assert!(a.id != b.id && a.scene_id == b.scene_id);
         assert!(matches!(dataset.get(10), Err(DatasetError::Index { index: 10, len: 10 })));
     }

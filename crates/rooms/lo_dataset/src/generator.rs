@@ -10,25 +10,26 @@ use serde_json::json;
 use crate::sample::Metadata;
 use crate::{DatasetError, NovelView, Record, Shot};
 
-/// What is made of a seed. Every field has a default, so that a file need name only what differs.
+/// Configuration of generated rooms. Every field has a default, so a file only needs the fields that differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GeneratorConfig {
-    /// Rooms, cameras and what is outside.
+    /// Rooms, cameras and outdoors.
     pub room: SynthConfig,
-    /// The camera that makes the photos.
+    /// Photo cameras.
     pub photo: PhotoModel,
-    /// The depth sensor.
+    /// Depth sensors.
     pub depth: DepthModel,
-    /// How finely light is sampled.
-    pub light: LightSampling,
-    /// Photos of each room, at least 1.
+    /// Sampling settings of the light transport.
+    pub light: BakeSettings,
+    /// Photos per room, at least 1.
     pub shots: u32,
-    /// Panoramas of each room; each stands in the frustum of one of the photos, in turn.
+    /// Panoramas per room. They are distributed over the photos; each is inside the frustum of its photo.
     pub panoramas: u32,
-    /// Rows of a panorama, which is twice as wide.
+    /// Height of a panorama, which is twice as wide.
     pub panorama_height: u32,
-    /// Depth of the octree that the surface points are made for: eight points for the face of a leaf of the cube around the room.
+    /// Depth of the octree that the surface points are made for: eight points per leaf face of the cube around the
+    /// room.
     pub octree_depth: u32,
 }
 
@@ -38,7 +39,7 @@ impl Default for GeneratorConfig {
             room: SynthConfig::default(),
             photo: PhotoModel::default(),
             depth: DepthModel::default(),
-            light: LightSampling::default(),
+            light: BakeSettings::default(),
             shots: 6,
             panoramas: 6,
             panorama_height: 128,
@@ -47,58 +48,34 @@ impl Default for GeneratorConfig {
     }
 }
 
-/// Samples of light: more of them take longer and leave less noise, which looks like stains on walls, ceilings and curtains.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LightSampling {
-    /// Distance of the points on surfaces at which light is kept, metres.
-    pub spacing_m: f32,
-    /// Rays from each of them that gather indirect light.
-    pub gather_rays: u32,
-    /// Rays from each of them to lamps and windows.
-    pub light_rays: u32,
-    /// Rays from each pixel to lamps and windows, at least.
-    pub pixel_rays: u32,
-    /// Whether edges of sunny patches are smooth.
-    pub sun_at_edges: bool,
-}
-
-impl Default for LightSampling {
-    fn default() -> Self {
-        let BakeSettings { spacing_m, gather_rays, light_rays, pixel_light_rays, sun_at_edges, .. } =
-            BakeSettings::default();
-        Self { spacing_m, gather_rays, light_rays, pixel_rays: pixel_light_rays, sun_at_edges }
-    }
-}
-
-/// A setting that is out of range.
+/// A setting is out of range.
 #[derive(Debug, thiserror::Error)]
 pub enum GeneratorError {
-    /// Of rooms and cameras.
+    /// A setting of rooms and cameras.
     #[error("room: {0}")]
     Room(#[from] SynthError),
-    /// The distance of cache points.
-    #[error("light.spacing_m is {0}; it must lie in 0.02 to 1")]
+    /// Distance of cache points.
+    #[error("light.spacing_m is {0}; it must be between 0.02 and 1")]
     Spacing(f32),
-    /// A number.
-    #[error("{field} is {value}; it must lie in {min} to {max}")]
+    /// An integer.
+    #[error("{field} is {value}; it must be between {min} and {max}")]
     Range {
-        /// Its name.
+        /// Name of the field.
         field: &'static str,
-        /// What it is.
+        /// Its value.
         value: u32,
-        /// The least that it may be.
+        /// Smallest allowed value.
         min: u32,
-        /// The most that it may be.
+        /// Largest allowed value.
         max: u32,
     },
 }
 
 impl GeneratorConfig {
-    /// Checks what types cannot say.
+    /// Checks the ranges of all fields.
     ///
     /// # Errors
-    /// Names the field and its range.
+    /// If a field is out of range; the error names it and its range.
     pub fn validate(&self) -> Result<(), GeneratorError> {
         self.room.validate()?;
         if !(0.02..=1.0).contains(&self.light.spacing_m) {
@@ -120,7 +97,8 @@ impl GeneratorConfig {
     }
 }
 
-/// Makes rooms with global light, their photos and panoramas; endless, the same for the same seed on any machine.
+/// Generates rooms with global illumination, photos and panoramas. Endless, and identical for the same seed on any
+/// machine.
 #[derive(Clone, Debug)]
 pub struct Generator {
     seed: u64,
@@ -128,47 +106,49 @@ pub struct Generator {
 }
 
 impl Generator {
+    /// Creates a generator.
+    ///
     /// # Errors
-    /// Settings out of range, with the field's name.
+    /// If a field is out of range; the error names it.
     pub fn new(seed: u64, config: GeneratorConfig) -> Result<Self, GeneratorError> {
         config.validate()?;
         Ok(Self { seed, config })
     }
 
-    /// What was set.
+    /// Returns the configuration.
     pub fn config(&self) -> &GeneratorConfig {
         &self.config
     }
 
-    /// Name of room `index`; its split is [`Split::of`](crate::Split::of) it.
+    /// Returns the name of room `index`. [`Split::of`](crate::Split::of) it is the room's split.
     pub fn scene_id(&self, index: u64) -> String {
         format!("synth-{}-{index:06}", self.seed)
     }
 
-    /// Room `index` before any light, for exporting it.
+    /// Generates room `index` without light transport, for export.
     ///
     /// # Errors
-    /// A folder of outdoor panoramas that cannot be read.
+    /// If a folder of outdoor panoramas cannot be read.
     pub fn interior(&self, index: u64) -> Result<Interior, DatasetError> {
         Interior::generate(self.seed, index, &self.config.room).map_err(|error| self.failed(index, error))
     }
 
-    /// Room `index` with everything that is known of it.
+    /// Generates room `index` with light, photos and panoramas.
     ///
     /// # Errors
-    /// A folder of outdoor panoramas that cannot be read; rooms that light transport refuses.
+    /// If a folder of outdoor panoramas cannot be read, or light transport rejects the room.
     pub fn record(&self, index: u64) -> Result<Record, DatasetError> {
         let interior = self.interior(index)?;
         let cameras = interior.camera_poses(self.config.shots as usize);
         let probes = self.probes(&interior, &cameras);
-        self.taken(index, interior, &cameras, &probes, Devices::Each)
+        self.make_record(index, interior, &cameras, &probes, DeviceAssignment::PerPhoto)
     }
 
-    /// Room `index` with photos that one device takes from these cameras: exposure and white balance are each one's own, response curve and sensors are
-    /// common. All panoramas stand in the first one's frustum.
+    /// Generates room `index` with photos that one device takes from the given cameras. Exposure and white balance vary
+    /// between photos; response curve and sensors are shared. All panoramas are in the frustum of the first photo.
     ///
     /// # Errors
-    /// As of [`record`](Self::record).
+    /// See [`record`](Self::record).
     pub fn record_by_one_device(
         &self,
         index: u64,
@@ -177,40 +157,32 @@ impl Generator {
         let interior = self.interior(index)?;
         let cameras = cameras(&interior);
         let probes = self.probes(&interior, &cameras[..cameras.len().min(1)]);
-        self.taken(index, interior, &cameras, &probes, Devices::One)
+        self.make_record(index, interior, &cameras, &probes, DeviceAssignment::Shared)
     }
 
-    /// Photos by these cameras, with panoramas at these places.
-    fn taken(
+    /// Makes a record with photos by these cameras and panoramas at these probe positions.
+    fn make_record(
         &self,
         index: u64,
         interior: Interior,
         cameras: &[CameraPose],
         probes: &[(usize, Vec3)],
-        devices: Devices,
+        devices: DeviceAssignment,
     ) -> Result<Record, DatasetError> {
         let description = json!(interior.description);
         let leaf_m = leaf_edge_m(&interior, self.config.octree_depth);
-        let LightSampling { spacing_m, gather_rays, light_rays, pixel_rays, sun_at_edges } = self.config.light;
-        let settings = BakeSettings {
-            spacing_m,
-            gather_rays,
-            light_rays,
-            pixel_light_rays: pixel_rays,
-            sun_at_edges,
-            seed: self.seed ^ lo_random::hash(interior.id.as_bytes()),
-        };
+        let settings = BakeSettings { seed: self.seed ^ lo_random::hash(interior.id.as_bytes()), ..self.config.light };
         let baked = BakedWorld::bake(interior.world, &settings).map_err(|error| self.failed(index, error))?;
         let views = probes.iter().map(|&(_, position_m)| self.view(&baked, position_m)).collect();
         let mut shots = Vec::with_capacity(cameras.len());
         for (i, camera) in cameras.iter().enumerate() {
-            // each photo has streams of its own: another number of photos changes none of them
+            // Each photo has its own random streams, so that the number of photos changes none of them.
             let number = index * 64 + i as u64;
             let stream = |name| lo_random::stream(self.seed, name, number);
             let (mut photo, mut depth) = (stream("photo"), stream("depth sensor"));
             let mut settings = self.config.photo.draw(&mut photo);
             let mut sensor = self.config.depth.draw(&mut depth);
-            if devices == Devices::One {
+            if devices == DeviceAssignment::Shared {
                 let first = |name| lo_random::stream(self.seed, name, index * 64);
                 let own = settings;
                 settings = self.config.photo.draw(&mut first("photo"));
@@ -219,7 +191,7 @@ impl Generator {
                 sensor = self.config.depth.draw(&mut first("depth sensor"));
             }
             let mut shot = self.shot(&baked, camera, (&settings, photo), (&sensor, depth));
-            shot.views = own_first(probes, i, |position_m| shot.shows(position_m));
+            shot.views = own_first(probes, i, |position_m| shot.observes(position_m));
             shots.push(shot);
         }
         let surface = baked.radiance_points(leaf_m);
@@ -237,29 +209,30 @@ impl Generator {
         Ok(record)
     }
 
-    /// Room `index`, which is `interior`, with one photo and with panoramas at these places of the room's frame.
+    /// Makes a record of room `index`, which is `interior`, with one photo and with panoramas at the given positions in
+    /// the room's frame.
     ///
     /// # Errors
-    /// Rooms that light transport refuses.
+    /// If light transport rejects the room.
     pub fn record_with_panoramas(
         &self,
         index: u64,
         interior: Interior,
         camera: &CameraPose,
-        places: impl IntoIterator<Item = Vec3>,
+        positions: impl IntoIterator<Item = Vec3>,
     ) -> Result<Record, DatasetError> {
-        let probes: Vec<(usize, Vec3)> = places.into_iter().map(|place| (0, place)).collect();
-        self.taken(index, interior, std::slice::from_ref(camera), &probes, Devices::Each)
+        let probes: Vec<(usize, Vec3)> = positions.into_iter().map(|position| (0, position)).collect();
+        self.make_record(index, interior, std::slice::from_ref(camera), &probes, DeviceAssignment::PerPhoto)
     }
 
-    /// Places of the panoramas, each with the photo in whose frustum it stands.
+    /// Returns the positions of the panoramas, each with the photo in whose frustum it is.
     fn probes(&self, interior: &Interior, cameras: &[CameraPose]) -> Vec<(usize, Vec3)> {
         let (total, shots) = (self.config.panoramas as usize, cameras.len().max(1));
-        let places = cameras.iter().enumerate().flat_map(|(i, camera)| {
+        let positions = cameras.iter().enumerate().flat_map(|(i, camera)| {
             let share = total / shots + usize::from(i < total % shots);
             interior.probe_positions(camera, share).into_iter().map(move |position| (i, position))
         });
-        places.collect()
+        positions.collect()
     }
 
     fn view(&self, baked: &BakedWorld, position_m: Vec3) -> NovelView {
@@ -290,7 +263,7 @@ impl Generator {
             specular: &seen.specular,
         };
         let sensor_depth_m = sensor.measure(&before_sensor, &mut depth);
-        seen.radiance = settings.lit(seen.radiance, &before_sensor);
+        seen.radiance = settings.with_flash(seen.radiance, &before_sensor);
         let taken = settings.photograph(&seen.radiance, &camera, &mut photo);
         let [r, g, b] = taken.gains;
         Shot {
@@ -319,17 +292,17 @@ impl Generator {
     }
 }
 
-/// Whose photos of a room are.
+/// Assigns devices to photos.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Devices {
-    /// Each photo is another device's.
-    Each,
-    /// All are one device's.
-    One,
+enum DeviceAssignment {
+    /// Each photo has its own device.
+    PerPhoto,
+    /// One device takes all photos.
+    Shared,
 }
 
-/// Light that is no number must never reach a network: an error says where it is. Negative light, a filter's undershoot, counts as 0,
-/// as the octree takes it.
+/// Rejects NaN and infinite radiance, which must never reach a network. Negative radiance, a filter's undershoot, is
+/// clamped to 0, as in the octree.
 fn check_light(record: &mut Record) -> Result<(), String> {
     fn check<'a>(what: &str, light: impl Iterator<Item = &'a mut [f32; 3]>) -> Result<(), String> {
         for (place, rgb) in light.enumerate() {
@@ -350,7 +323,7 @@ fn check_light(record: &mut Record) -> Result<(), String> {
     Ok(())
 }
 
-/// Edge of a leaf of the cube around a room's triangles.
+/// Returns the leaf edge of the cube around a room's triangles.
 fn leaf_edge_m(interior: &Interior, depth: u32) -> f32 {
     let positions = &interior.world.model.positions;
     let low = positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
@@ -358,16 +331,16 @@ fn leaf_edge_m(interior: &Interior, depth: u32) -> f32 {
     (high - low).max_element().max(1.0) / (1u32 << depth) as f32
 }
 
-/// Panoramas made for photo `shot`, then the others that it shows.
-fn own_first(probes: &[(usize, Vec3)], shot: usize, shows: impl Fn(Vec3) -> bool) -> Vec<usize> {
+/// Returns the panoramas made for photo `shot`, then the others that it observes.
+fn own_first(probes: &[(usize, Vec3)], shot: usize, observes: impl Fn(Vec3) -> bool) -> Vec<usize> {
     let own = (0..probes.len()).filter(|&i| probes[i].0 == shot);
-    let others = (0..probes.len()).filter(|&i| probes[i].0 != shot && shows(probes[i].1));
+    let others = (0..probes.len()).filter(|&i| probes[i].0 != shot && observes(probes[i].1));
     own.chain(others).collect()
 }
 
 impl Shot {
-    /// Whether a place of the record's frame lies in the picture, before the surface seen there or before the sky.
-    fn shows(&self, position_m: Vec3) -> bool {
+    /// Whether a position in the record's frame projects into the photo and is in front of the surface or sky there.
+    fn observes(&self, position_m: Vec3) -> bool {
         let inside = |depth: &DepthMap| {
             let local = self.rotation.inverse() * (position_m - self.position_m);
             self.camera.project(local).is_some_and(|(u, v, z)| {
@@ -389,7 +362,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn light_that_is_no_number_is_an_error_and_negative_light_is_dark() {
+    fn nan_radiance_is_an_error_and_negative_radiance_becomes_zero() {
         let mut record = crate::fixture::record("a");
         record.points[2].radiance = [-0.1, 0.5, 1.0];
         assert_eq!(check_light(&mut record), Ok(()));
@@ -400,9 +373,19 @@ mod tests {
     }
 
     #[test]
+    fn light_settings_keep_their_keys_and_have_no_seed() {
+        let text = serde_json::to_string(&GeneratorConfig::default().light).unwrap();
+        assert_eq!(text, r#"{"spacing_m":0.16,"gather_rays":64,"light_rays":16,"pixel_rays":2,"sun_at_edges":false}"#);
+        assert!(serde_json::from_str::<GeneratorConfig>(r#"{"light": {"seed": 1}}"#).is_err());
+    }
+
+    #[test]
     fn settings_out_of_range_are_named() {
         let message = |config| Generator::new(0, config).unwrap_err().to_string();
-        assert_eq!(message(GeneratorConfig { shots: 0, ..Default::default() }), "shots is 0; it must lie in 1 to 64");
+        assert_eq!(
+            message(GeneratorConfig { shots: 0, ..Default::default() }),
+            "shots is 0; it must be between 1 and 64"
+        );
         assert!(
             serde_json::from_str::<GeneratorConfig>(r#"{"shot": 3}"#)
                 .unwrap_err()

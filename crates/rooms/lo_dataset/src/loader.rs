@@ -1,4 +1,4 @@
-//! One way to iterate over any dataset: shuffled, split, prefetched, resumable.
+//! Iteration over any dataset: shuffled, split, prefetched, resumable.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -8,20 +8,21 @@ use crate::order::Permutation;
 use crate::prefetch::Prefetch;
 use crate::{Dataset, Sample};
 
-/// Gives out a dataset's samples one after the other, made ahead by threads of its own.
+/// Iterates over a dataset's samples, prefetched by its own threads.
 ///
-/// The order depends on the seed alone. A sample that cannot be made comes as an error in its place; the iteration goes on after it. A panic
-/// of the dataset goes on in the thread that asks for the sample. Dropping the loader stops its threads after the block at hand.
+/// The order depends only on the seed. A sample that cannot be made is returned as an error, and the iteration
+/// continues. A panic of the dataset is propagated to the thread that requests the sample. Dropping the loader stops
+/// its threads after their current block.
 pub struct Loader {
-    made: Prefetch<Vec<Made>>,
-    /// Blocks of an epoch.
+    made: Prefetch<Vec<LoadedSample>>,
+    /// Blocks per epoch.
     blocks: u64,
-    /// Samples of the block at hand.
-    current: VecDeque<Made>,
+    /// Remaining samples of the current block.
+    current: VecDeque<LoadedSample>,
     state: LoaderState,
     epochs: Option<u64>,
-    /// Blocks since the last sample: a whole epoch without one ends the iteration.
-    barren: u64,
+    /// Consecutive blocks without a sample. A whole epoch of them ends the iteration.
+    empty_blocks: u64,
 }
 
 impl Loader {
@@ -30,30 +31,30 @@ impl Loader {
         Self::resume(dataset, config, LoaderState::default())
     }
 
-    /// Starts where another loader of the same dataset and configuration [stood](Self::state).
+    /// Resumes at the [state](Self::state) of another loader of the same dataset and configuration.
     pub fn resume(dataset: Arc<dyn Dataset>, config: LoaderConfig, state: LoaderState) -> Self {
-        let source = Blocks::new(dataset, config, state);
+        let source = BlockSource::new(dataset, config, state);
         let blocks = source.count;
         let made = Prefetch::start(config.threads, config.prefetch, move |number| source.make(number));
-        Self { made, blocks, current: VecDeque::new(), state, epochs: config.epochs, barren: 0 }
+        Self { made, blocks, current: VecDeque::new(), state, epochs: config.epochs, empty_blocks: 0 }
     }
 
-    /// Starts at sample `index`, where nothing is shuffled.
+    /// Starts at sample `index`. Only meaningful without shuffling.
     pub fn from_sample(dataset: Arc<dyn Dataset>, config: LoaderConfig, index: usize) -> Self {
         let size = dataset.block().max(1);
         let state = LoaderState { epoch: 0, block: (index / size) as u64, sample: (index % size) as u64 };
         Self::resume(dataset, config, state)
     }
 
-    /// Where the next sample stands.
+    /// Returns the position of the next sample.
     pub fn state(&self) -> LoaderState {
         self.state
     }
 
-    /// Waits for the next block; `None` at the end.
-    fn next_block(&mut self) -> Option<Vec<Made>> {
+    /// Waits for the next block. `None` at the end.
+    fn next_block(&mut self) -> Option<Vec<LoadedSample>> {
         let ended = self.epochs.is_some_and(|epochs| self.state.epoch >= epochs);
-        (self.blocks > 0 && self.barren < self.blocks && !ended).then(|| self.made.next())
+        (self.blocks > 0 && self.empty_blocks < self.blocks && !ended).then(|| self.made.next())
     }
 
     fn end_block(&mut self) {
@@ -71,7 +72,7 @@ impl Iterator for Loader {
     fn next(&mut self) -> Option<Self::Item> {
         loop {
             if let Some(made) = self.current.pop_front() {
-                self.barren = 0;
+                self.empty_blocks = 0;
                 self.state.sample = made.number + 1;
                 if self.current.is_empty() {
                     self.end_block();
@@ -81,36 +82,36 @@ impl Iterator for Loader {
             let already = self.state.sample;
             self.current = self.next_block()?.into_iter().filter(|made| made.number >= already).collect();
             if self.current.is_empty() {
-                self.barren += 1;
+                self.empty_blocks += 1;
                 self.end_block();
             }
         }
     }
 }
 
-/// A sample, and how many of its block come before it.
-struct Made {
+/// Sample with its position in the block.
+struct LoadedSample {
     number: u64,
     result: Result<Sample, LoadError>,
 }
 
-/// A dataset's blocks in the order in which they are given out.
-struct Blocks {
+/// A dataset's blocks in the order of iteration.
+struct BlockSource {
     dataset: Arc<dyn Dataset>,
     config: LoaderConfig,
-    /// Of an epoch.
+    /// Blocks per epoch.
     count: u64,
     first: LoaderState,
 }
 
-impl Blocks {
+impl BlockSource {
     fn new(dataset: Arc<dyn Dataset>, config: LoaderConfig, first: LoaderState) -> Self {
         let count = (dataset.len() as u64).div_ceil(dataset.block().max(1) as u64);
         Self { dataset, config, count, first }
     }
 
-    /// The block that is the `number`-th from the first one; `None` beyond the last epoch.
-    fn make(&self, number: u64) -> Option<Vec<Made>> {
+    /// Makes block `number`, counted from the first one. `None` beyond the last epoch.
+    fn make(&self, number: u64) -> Option<Vec<LoadedSample>> {
         let from_start = self.first.block.min(self.count).checked_add(number)?;
         let epoch = self.first.epoch.checked_add(from_start.checked_div(self.count)?)?;
         if self.config.epochs.is_some_and(|epochs| epoch >= epochs) {
@@ -126,7 +127,7 @@ impl Blocks {
         let first = block as usize * size;
         let indices = first..(first + size).min(self.dataset.len());
         let wanted = |index: &usize| self.config.split.is_none_or(|split| self.dataset.split(*index) == split);
-        let made = indices.filter(wanted).map(|index| Made {
+        let made = indices.filter(wanted).map(|index| LoadedSample {
             number: (index - first) as u64,
             result: self.dataset.get(index).map_err(|source| LoadError {
                 index,
@@ -149,21 +150,21 @@ mod tests {
     use crate::sample::tests::sample;
     use crate::{DatasetError, Split};
 
-    /// Samples that say their index; one of them is broken, and later ones are faster than earlier ones.
-    struct Numbers {
+    /// Samples whose id is their index. One may be broken, and later ones are faster than earlier ones.
+    struct NumberedDataset {
         count: usize,
         block: usize,
         broken: Option<usize>,
         made: AtomicUsize,
     }
 
-    impl Numbers {
+    impl NumberedDataset {
         fn new(count: usize) -> Self {
             Self { count, block: 1, broken: None, made: AtomicUsize::new(0) }
         }
     }
 
-    impl Dataset for Numbers {
+    impl Dataset for NumberedDataset {
         fn len(&self) -> usize {
             self.count
         }
@@ -178,7 +179,7 @@ mod tests {
             if self.broken == Some(index) {
                 return Err(DatasetError::Index { index, len: self.count });
             }
-            assert!(index != 9_999, "number 9999 must not be asked for");
+            assert!(index != 9_999, "sample 9999 must not be requested");
             Ok(Sample { id: index.to_string(), ..sample() })
         }
 
@@ -194,7 +195,7 @@ mod tests {
     #[test]
     fn the_order_is_that_of_the_seed_whatever_the_threads() {
         let config = LoaderConfig { seed: 4, epochs: Some(2), threads: 1, ..LoaderConfig::default() };
-        let load = |config| ids(Loader::new(Arc::new(Numbers::new(40)), config));
+        let load = |config| ids(Loader::new(Arc::new(NumberedDataset::new(40)), config));
         let one = load(config);
         assert_eq!(one, load(LoaderConfig { threads: 7, prefetch: 9, ..config }));
         assert_ne!(one, load(LoaderConfig { seed: 5, ..config }));
@@ -208,7 +209,7 @@ mod tests {
 
     #[test]
     fn a_saved_position_goes_on_with_the_next_sample() {
-        let dataset = || Arc::new(Numbers { block: 3, ..Numbers::new(20) });
+        let dataset = || Arc::new(NumberedDataset { block: 3, ..NumberedDataset::new(20) });
         let config = LoaderConfig { seed: 1, epochs: Some(3), threads: 3, ..LoaderConfig::default() };
         let all = ids(Loader::new(dataset(), config));
         assert_eq!(all.len(), 60);
@@ -225,7 +226,7 @@ mod tests {
 
     #[test]
     fn any_sample_can_be_the_first() {
-        let dataset = || Arc::new(Numbers { block: 3, ..Numbers::new(20) });
+        let dataset = || Arc::new(NumberedDataset { block: 3, ..NumberedDataset::new(20) });
         let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
         for first in [0, 2, 3, 16, 19] {
             let rest = ids(Loader::from_sample(dataset(), config, first));
@@ -235,13 +236,13 @@ mod tests {
 
     #[test]
     fn splits_share_no_scene_and_miss_none() {
-        let dataset = || Arc::new(Numbers { block: 4, ..Numbers::new(400) });
+        let dataset = || Arc::new(NumberedDataset { block: 4, ..NumberedDataset::new(400) });
         let load = |split| {
             ids(Loader::new(dataset(), LoaderConfig { split: Some(split), prefetch: 20, ..LoaderConfig::default() }))
         };
         let (train, validation) = (load(Split::Train), load(Split::Validation));
         assert_eq!(train.len() + validation.len(), 400);
-        // one of ten of 100 scenes, deviation 3
+        // One in ten of 100 scenes, standard deviation 3.
         assert!((4..80).contains(&validation.len()), "{}", validation.len());
         let scene = |id: &String| id.parse::<usize>().unwrap() / 4;
         assert!(validation.iter().all(|v| train.iter().all(|t| scene(t) != scene(v))));
@@ -249,17 +250,17 @@ mod tests {
 
     #[test]
     fn errors_come_in_place_and_name_the_sample() {
-        let dataset = Arc::new(Numbers { broken: Some(5), ..Numbers::new(10) });
+        let dataset = Arc::new(NumberedDataset { broken: Some(5), ..NumberedDataset::new(10) });
         let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
         let all = ids(Loader::new(dataset, config));
         assert_eq!(all.len(), 10);
-        assert_eq!(all[5], "sample 5 (scene room-5): sample 5 of 10");
+        assert_eq!(all[5], "sample 5 (scene room-5): sample index 5 is out of range; the dataset has 10 samples");
         assert_eq!(all[6], "6");
     }
 
     #[test]
     fn no_more_than_asked_for_is_made_ahead_and_threads_end() {
-        let dataset = Arc::new(Numbers::new(1000));
+        let dataset = Arc::new(NumberedDataset::new(1000));
         let config = LoaderConfig { threads: 3, prefetch: 5, ..LoaderConfig::default() };
         let mut loader = Loader::new(dataset.clone(), config);
         loader.next().unwrap().unwrap();
@@ -270,21 +271,27 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_give_ends_even_without_an_end() {
+    fn a_loader_without_samples_ends_even_with_infinite_epochs() {
         let forever = LoaderConfig { epochs: None, ..LoaderConfig::default() };
-        assert_eq!(Loader::new(Arc::new(Numbers::new(0)), forever).count(), 0);
-        // a single scene lies in one of the splits
+        assert_eq!(Loader::new(Arc::new(NumberedDataset::new(0)), forever).count(), 0);
+        // A single scene belongs to one of the splits.
         let one = |split| {
-            Loader::new(Arc::new(Numbers::new(1)), LoaderConfig { split: Some(split), ..forever }).take(5).count()
+            Loader::new(Arc::new(NumberedDataset::new(1)), LoaderConfig { split: Some(split), ..forever })
+                .take(5)
+                .count()
         };
         assert_eq!(one(Split::Train) + one(Split::Validation), 5);
     }
 
     #[test]
-    #[should_panic(expected = "number 9999")]
+    #[should_panic(expected = "sample 9999")]
     fn a_panic_of_the_dataset_reaches_the_caller() {
         let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
-        Loader::resume(Arc::new(Numbers::new(10_001)), config, LoaderState { block: 9_999, ..LoaderState::default() })
-            .for_each(drop);
+        Loader::resume(
+            Arc::new(NumberedDataset::new(10_001)),
+            config,
+            LoaderState { block: 9_999, ..LoaderState::default() },
+        )
+        .for_each(drop);
     }
 }

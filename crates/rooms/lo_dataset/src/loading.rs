@@ -2,20 +2,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::{DatasetError, Split};
 
-/// What a loader goes through and how.
+/// Options of a [`Loader`](crate::Loader).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LoaderConfig {
     /// Seed of the order.
     pub seed: u64,
-    /// Another order for every epoch, or the dataset's own.
+    /// Whether each epoch has a new random order. Otherwise the dataset's own order is used.
     pub shuffle: bool,
-    /// Only samples of this part.
+    /// Restricts the samples to one split.
     pub split: Option<Split>,
-    /// How many times through the dataset; without end where `None`.
+    /// Number of epochs. Infinite if `None`.
     pub epochs: Option<u64>,
-    /// Threads that make or read samples, at least 1. They change nothing but the speed.
+    /// Threads that make or read samples, at least 1. They affect only the speed.
     pub threads: usize,
-    /// Most [blocks](crate::Dataset::block) made ahead, at least the threads.
+    /// Maximum number of prefetched [blocks](crate::Dataset::block), at least the number of threads.
     #[serde(alias = "ahead")]
     pub prefetch: usize,
 }
@@ -26,27 +26,27 @@ impl Default for LoaderConfig {
     }
 }
 
-/// Where a loader stands: saved with a training run, it goes on with the sample after the last one that was given out. Holds for the same
+/// Position of a loader. Saved with a training run, it resumes after the last returned sample. Valid for the same
 /// dataset, seed, shuffling and split.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LoaderState {
-    /// How many times through the dataset already.
+    /// Completed epochs.
     pub epoch: u64,
-    /// Blocks of this epoch that are done.
+    /// Completed blocks of this epoch.
     pub block: u64,
-    /// Samples of the next block that are done.
+    /// Completed samples of the next block.
     pub sample: u64,
 }
 
-/// A sample that could not be made, and which.
+/// Failure to make a sample.
 #[derive(Debug, thiserror::Error)]
 #[error("sample {index} (scene {scene_id}): {source}")]
 pub struct LoadError {
-    /// Its index in the dataset.
+    /// Index in the dataset.
     pub index: usize,
-    /// Its scene.
+    /// Scene of the sample.
     pub scene_id: String,
-    /// What went wrong.
+    /// Cause.
     pub source: DatasetError,
 }
 

@@ -1,12 +1,13 @@
-//! A shuffled order without a table, so that a loader's position is two numbers however large the dataset.
+//! Shuffled order without a table: a loader's position is two numbers, however large the dataset.
 
 use lo_random::RngExt;
 
-/// Rounds of the Feistel network; four make a pseudo-random permutation (Luby & Rackoff 1988), more are cheap.
+/// Rounds of the Feistel network. Four make a pseudo-random permutation (Luby & Rackoff 1988); more are cheap.
 const ROUNDS: usize = 8;
 
-/// A pseudo-random permutation of `0..count`: a Feistel network on the next even number of bits, walked until it lands inside (Black &
-/// Rogaway, "Ciphers with Arbitrary Finite Domains", 2002). At most four steps are needed on average.
+/// Pseudo-random permutation of `0..count`: a Feistel network on the next even number of bits, iterated until the
+/// result is in range (cycle walking; Black & Rogaway, "Ciphers with Arbitrary Finite Domains", 2002). At most four
+/// iterations are needed on average.
 #[derive(Clone, Debug)]
 pub(crate) struct Permutation {
     count: u64,
@@ -21,7 +22,7 @@ impl Permutation {
         Self { count, half_bits: bits.div_ceil(2).max(1), keys: [(); ROUNDS].map(|()| stream.random()) }
     }
 
-    /// Which element stands at `position`, below the count.
+    /// Returns the element at `position`, which must be below the count.
     pub fn at(&self, position: u64) -> u64 {
         debug_assert!(position < self.count);
         let mut value = position;
@@ -43,7 +44,7 @@ impl Permutation {
     }
 }
 
-/// The finaliser of SplitMix64 (Steele, Lea & Flood 2014).
+/// Finaliser of SplitMix64 (Steele, Lea & Flood 2014).
 fn mix(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -66,7 +67,8 @@ mod tests {
 
     #[test]
     fn places_are_uniform_over_epochs() {
-        // χ² of where element 0 lands, 10 places, 4,000 epochs: 9 degrees of freedom, 27.9 is passed once in a thousand
+        // χ² of the position of element 0: 10 positions, 4,000 epochs. With 9 degrees of freedom, 27.9 is exceeded once
+        // in a thousand.
         let mut counts = [0.0f64; 10];
         for epoch in 0..4000 {
             let permutation = Permutation::new(10, 7, epoch);

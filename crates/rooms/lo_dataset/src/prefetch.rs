@@ -4,14 +4,16 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// Threads that make numbered things ahead of the one who takes them in order. Dropping it stops them after the things at hand.
+/// Threads that make numbered items ahead of the consumer, which takes them in order. Dropping it stops them after
+/// their current items.
 pub(crate) struct Prefetch<T> {
     shared: Arc<Shared<T>>,
     threads: Vec<JoinHandle<()>>,
 }
 
 impl<T: Send + 'static> Prefetch<T> {
-    /// `make` is asked for numbers from 0 on; `None` means that there are no more. At most `ahead` of them are begun that nobody has taken.
+    /// Starts the threads. `make` is called with numbers from 0 on; `None` means the end. At most `ahead` items are
+    /// begun before they are taken.
     pub(crate) fn start(threads: usize, ahead: usize, make: impl Fn(u64) -> Option<T> + Send + Sync + 'static) -> Self {
         let shared = Arc::new(Shared {
             make: Box::new(make),
@@ -29,7 +31,7 @@ impl<T: Send + 'static> Prefetch<T> {
         Self { shared, threads }
     }
 
-    /// Waits for the next; a panic of its making goes on here. Must not be called more often than there are things.
+    /// Waits for the next item. A panic of `make` is propagated. Must not be called more often than there are items.
     pub(crate) fn next(&self) -> T {
         let mut queue = self.shared.lock();
         loop {
@@ -50,7 +52,7 @@ impl<T> Drop for Prefetch<T> {
         self.shared.lock().stop = true;
         self.shared.room.notify_all();
         for thread in self.threads.drain(..) {
-            // a panic of the making was caught inside; there is nothing to hear from the thread itself
+            // Panics of `make` are caught inside the thread, so there is nothing to propagate here.
             let _ = thread.join();
         }
     }
@@ -60,9 +62,9 @@ struct Shared<T> {
     make: Box<dyn Fn(u64) -> Option<T> + Send + Sync>,
     ahead: u64,
     queue: Mutex<Queue<T>>,
-    /// Something was finished, or the threads have to stop.
+    /// Signals that an item was finished or the threads have to stop.
     finished: Condvar,
-    /// There is room for another, or the threads have to stop.
+    /// Signals that there is room for another item or the threads have to stop.
     room: Condvar,
 }
 
@@ -80,7 +82,8 @@ impl<T> Default for Queue<T> {
 }
 
 impl<T> Shared<T> {
-    /// The queue is whole even where a thread panicked with it in its hand: no panic can happen between two of its changes.
+    /// Locks the queue. It stays consistent even if a thread panicked while holding the lock: no panic can happen
+    /// between two of its changes.
     fn lock(&self) -> MutexGuard<'_, Queue<T>> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }

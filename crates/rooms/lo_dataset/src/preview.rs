@@ -1,15 +1,15 @@
-//! Contact sheets: many photos and panoramas in one picture, to be looked at.
+//! Contact sheets: many photos and panoramas in one image.
 
 use lo_imaging::{Image, RadianceImage, ToneCurve, contact_sheet, photo_tile, resize_equirectangular};
 
 use crate::Sample;
 
-/// Width of a picture on the sheet in pixels.
+/// Width of an image on the sheet, in pixels.
 const TILE: usize = 240;
-/// Between pictures, and around the sheet.
+/// Gap between images and around the sheet, in pixels.
 const GAP: usize = 6;
 
-/// Photos in rows, then panoramas in rows.
+/// Sheet with rows of photos, then rows of panoramas.
 #[derive(Clone, Debug)]
 pub struct ContactSheet {
     columns: usize,
@@ -18,7 +18,7 @@ pub struct ContactSheet {
 }
 
 impl ContactSheet {
-    /// An empty sheet of `columns` pictures, at least 1, in a row.
+    /// Creates an empty sheet with `columns` (at least 1) images per row.
     pub fn new(columns: usize) -> Self {
         Self { columns: columns.max(1), photos: Vec::new(), panoramas: Vec::new() }
     }
@@ -35,8 +35,8 @@ impl ContactSheet {
         self.panoramas.push(ToneCurve::Aces.map(&small, 0.0));
     }
 
-    /// The sheet; nothing but its margin where nothing was added.
-    pub fn picture(&self) -> Image<[u8; 3]> {
+    /// Returns the sheet. An empty sheet is only its margin.
+    pub fn image(&self) -> Image<[u8; 3]> {
         let rows = self.photos.chunks(self.columns).chain(self.panoramas.chunks(self.columns));
         contact_sheet(&rows.collect::<Vec<_>>(), GAP)
     }
@@ -56,12 +56,12 @@ mod tests {
             sheet.add_photo(&sample);
         }
         sheet.add_panorama(&RadianceImage::new(16, 8, vec![[1e6; 3]; 128]));
-        let picture = sheet.picture();
-        // two rows of photos 240 × 160 and one of panoramas 240 × 120
-        assert_eq!((picture.width(), picture.height()), (6 + 2 * 246, 6 + 2 * 166 + 126));
-        assert_eq!(picture[(0, 0)], GROUND);
-        assert_eq!(picture[(6 + 246, 6 + 166)], GROUND, "the third photo's neighbour is empty");
-        assert_eq!(picture[(100, 6 + 2 * 166 + 60)], [255; 3]);
-        assert_eq!(ContactSheet::new(0).picture().pixels().len(), 36);
+        let image = sheet.image();
+        // Two rows of photos 240 × 160 and one of panoramas 240 × 120.
+        assert_eq!((image.width(), image.height()), (6 + 2 * 246, 6 + 2 * 166 + 126));
+        assert_eq!(image[(0, 0)], GROUND);
+        assert_eq!(image[(6 + 246, 6 + 166)], GROUND, "the third photo's neighbour is empty");
+        assert_eq!(image[(100, 6 + 2 * 166 + 60)], [255; 3]);
+        assert_eq!(ContactSheet::new(0).image().pixels().len(), 36);
     }
 }

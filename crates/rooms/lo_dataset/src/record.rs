@@ -5,17 +5,17 @@ use lo_octree::{Provenance, RadiancePoint};
 use crate::sample::Metadata;
 use crate::{NovelView, Sample};
 
-/// One room: what all its photos share, once, and the photos. What a shard holds and what the generator makes.
+/// One room: its photos and the data they share. Shards store records, and the generator makes them.
 ///
-/// Positions are in the record's own frame (metres, +Y need not be up), radiance in its own units; every [`Shot`] says how both become its
-/// photo's.
+/// Positions are in the record's own frame (metres, +Y need not be up), radiance in its own units. Every [`Shot`]
+/// contains the transform to its photo's frame and units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// Unique in its dataset; letters, digits, `-` and `_`.
+    /// Identifier, unique in its dataset. Letters, digits, `-` and `_`.
     pub key: String,
-    /// The room; see [`Sample::scene_id`].
+    /// Room; see [`Sample::scene_id`].
     pub scene_id: String,
-    /// Unit direction that points up in the room.
+    /// Unit up direction of the room.
     pub up: Option<Vec3>,
     /// Radiance leaving all surfaces.
     pub points: Vec<RadiancePoint>,
@@ -25,26 +25,26 @@ pub struct Record {
     pub views: Vec<NovelView>,
     /// Photos, at least one.
     pub shots: Vec<Shot>,
-    /// What else is known of the room.
+    /// Additional data of the room.
     pub metadata: Metadata,
 }
 
 /// One photo of a room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
-    /// Where the camera stands, metres.
+    /// Camera position, in metres.
     pub position_m: Vec3,
     /// Record-frame direction = rotation · camera direction.
     pub rotation: Quat,
-    /// The record's radiance times this, per channel, is in units of the photo's white.
+    /// Per-channel factors from the record's radiance to units of the photo's white.
     pub gains: [f32; 3],
-    /// The lens.
+    /// Camera intrinsics.
     pub camera: Camera,
-    /// The photo, sRGB.
+    /// sRGB photo.
     pub photo: Image<[u8; 3]>,
-    /// The file that the camera wrote, where there is one; it decodes to the photo.
+    /// File that the camera wrote, if any. It decodes to the photo.
     pub jpeg: Option<Vec<u8>>,
-    /// The light that made the photo, in units of its white.
+    /// HDR radiance of the photo's pixels, in units of its white.
     pub radiance: Option<RadianceImage>,
     /// See [`Sample::depth_m`].
     pub depth_m: Option<DepthMap>,
@@ -54,75 +54,87 @@ pub struct Shot {
     pub normal: Option<Image<[f32; 3]>>,
     /// See [`Sample::albedo`].
     pub albedo: Option<Image<[f32; 3]>>,
-    /// Which of the record's panoramas belong to this photo, its own ones first.
+    /// Indices of the record's panoramas that belong to this photo, its own first. Each at most once.
     pub views: Vec<usize>,
-    /// What else is known of the photo.
+    /// Additional data of the photo.
     pub metadata: Metadata,
 }
 
-/// A point counts as seen where the photo's depth differs by no more than this, metres: points stand for the surface of a leaf.
-const SEEN_WITHIN_M: f32 = 0.1;
+/// A point counts as observed if the photo's depth differs by at most this, in metres. Points stand for the surface
+/// within a leaf.
+const OBSERVED_WITHIN_M: f32 = 0.1;
 
 impl Record {
-    /// The sample of photo `shot`: everything turned into its frame and units.
-    ///
-    /// Points that the photo's depth map shows are [`Provenance::Observed`]; without a depth map they stay as they are.
+    /// Returns the sample of photo `shot`; see [`into_sample`](Self::into_sample).
     ///
     /// # Panics
-    /// Where there is no such shot, or it names a view that the record has not.
+    /// If there is no such photo, or it names a view that the record does not have.
     pub fn sample(&self, shot: usize) -> Sample {
-        let taken = &self.shots[shot];
-        let camera_from_record = taken.rotation.inverse();
-        let into = |point: Vec3| camera_from_record * (point - taken.position_m);
-        let scaled = |[r, g, b]: [f32; 3]| [r * taken.gains[0], g * taken.gains[1], b * taken.gains[2]];
-        let points = self
-            .points
-            .iter()
-            .map(|point| {
-                let position_m = into(point.position_m);
-                RadiancePoint {
-                    position_m,
-                    radiance: scaled(point.radiance),
-                    provenance: taken.provenance(position_m).unwrap_or(point.provenance),
-                }
-            })
-            .collect();
-        let views = taken
-            .views
-            .iter()
-            .map(|&view| {
-                let view = &self.views[view];
-                NovelView {
-                    position_m: into(view.position_m),
-                    rotation: camera_from_record * view.rotation,
-                    radiance: view.radiance.map(|&rgb| scaled(rgb)),
-                    depth_m: view.depth_m.clone(),
-                }
-            })
-            .collect();
-        let mut metadata = self.metadata.clone();
-        metadata.extend(taken.metadata.clone());
-        Sample {
-            id: if self.shots.len() == 1 { self.key.clone() } else { format!("{}-{shot}", self.key) },
+        let chosen = &self.shots[shot];
+        let alone = Self {
+            key: if self.shots.len() == 1 { self.key.clone() } else { format!("{}-{shot}", self.key) },
             scene_id: self.scene_id.clone(),
-            photo: taken.photo.clone(),
-            camera: taken.camera,
+            up: self.up,
+            points: self.points.clone(),
+            point_area_m2: self.point_area_m2,
+            views: chosen.views.iter().map(|&view| self.views[view].clone()).collect(),
+            shots: vec![Shot { views: (0..chosen.views.len()).collect(), ..chosen.clone() }],
+            metadata: self.metadata.clone(),
+        };
+        alone.into_sample()
+    }
+
+    /// Converts a record with one photo into that photo's sample, without copying images. Points, views and directions
+    /// are transformed to the photo's frame and units.
+    ///
+    /// Points that the photo's depth map shows become [`Provenance::Observed`]. Without a depth map they keep their coverage.
+    ///
+    /// # Panics
+    /// If the record does not have exactly one photo, or the photo names a view twice or one that the record does not
+    /// have.
+    pub fn into_sample(mut self) -> Sample {
+        assert_eq!(self.shots.len(), 1, "a record with one photo makes a sample");
+        let shot = self.shots.remove(0);
+        let camera_from_record = shot.rotation.inverse();
+        let into = |point: Vec3| camera_from_record * (point - shot.position_m);
+        let scaled = |[r, g, b]: [f32; 3]| [r * shot.gains[0], g * shot.gains[1], b * shot.gains[2]];
+        for point in &mut self.points {
+            point.position_m = into(point.position_m);
+            point.radiance = scaled(point.radiance);
+            point.provenance = shot.provenance(point.position_m).unwrap_or(point.provenance);
+        }
+        let mut stored: Vec<Option<NovelView>> = self.views.into_iter().map(Some).collect();
+        let own_view = |&index: &usize| {
+            let mut view = stored[index].take().expect("a photo names a view once");
+            view.position_m = into(view.position_m);
+            view.rotation = camera_from_record * view.rotation;
+            view.radiance.pixels_mut().iter_mut().for_each(|rgb| *rgb = scaled(*rgb));
+            view
+        };
+        let views = shot.views.iter().map(own_view).collect();
+        self.metadata.extend(shot.metadata);
+        Sample {
+            id: self.key,
+            scene_id: self.scene_id,
+            photo: shot.photo,
+            camera: shot.camera,
             up: self.up.map(|up| camera_from_record * up),
-            radiance: taken.radiance.clone(),
-            depth_m: taken.depth_m.clone(),
-            sensor_depth_m: taken.sensor_depth_m.clone(),
-            normal: taken.normal.clone(),
-            albedo: taken.albedo.clone(),
-            points,
+            radiance: shot.radiance,
+            depth_m: shot.depth_m,
+            sensor_depth_m: shot.sensor_depth_m,
+            normal: shot.normal,
+            albedo: shot.albedo,
+            points: self.points,
             point_area_m2: self.point_area_m2,
             views,
-            metadata,
+            metadata: self.metadata,
         }
     }
 }
 
 impl From<Sample> for Record {
-    /// A room with one photo, whose frame and units are the record's. Characters of the id that a key cannot have become `_`.
+    /// Makes a record with one photo, whose frame and units are the record's. Characters of the id that a key cannot
+    /// contain become `_`.
     fn from(sample: Sample) -> Self {
         let allowed = |c: char| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '_' };
         let shot = Shot {
@@ -154,7 +166,7 @@ impl From<Sample> for Record {
 }
 
 impl Shot {
-    /// Whether the photo shows a point of its frame; `None` without a depth map.
+    /// Returns whether the photo observes a point of its frame. `None` without a depth map.
     fn provenance(&self, position_m: Vec3) -> Option<Provenance> {
         let depth = self.depth_m.as_ref()?;
         let seen = self.camera.project(position_m).is_some_and(|(u, v, z)| {
@@ -163,7 +175,7 @@ impl Shot {
                 && v >= 0.0
                 && u < depth.width() as f64
                 && v < depth.height() as f64
-                && (f64::from(depth[(u as usize, v as usize)]) - z).abs() < f64::from(SEEN_WITHIN_M)
+                && (f64::from(depth[(u as usize, v as usize)]) - z).abs() < f64::from(OBSERVED_WITHIN_M)
         });
         Some(if seen { Provenance::Observed } else { Provenance::Inferred })
     }
@@ -178,7 +190,7 @@ mod tests {
     #[test]
     fn samples_are_in_the_photos_frame_and_units() {
         let mut record = record("a");
-        // a point 2 m before the camera of photo 1, as the matrix of the pose has it
+        // A point 2 m in front of the camera of photo 1, by the pose's matrix.
         let pose = glam_pose(&record.shots[1]);
         record.points[0].position_m = pose.transform_point3(Vec3::new(0.1, 0.2, -2.0));
         let sample = record.sample(1);

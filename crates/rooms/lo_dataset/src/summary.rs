@@ -1,4 +1,4 @@
-//! Figures of a dataset: how many of what, and how they are distributed.
+//! Statistics of a dataset: counts and distributions.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::{Sample, Split};
 
-/// Counts samples and collects their figures.
+/// Collects statistics of samples.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
     samples: [usize; 2],
@@ -20,50 +20,51 @@ pub struct Summary {
     figures: HashMap<&'static str, Vec<f32>>,
 }
 
-/// What a [`Summary`] found. Light in units of the photo's white.
+/// Statistics of a [`Summary`]. Light is in units of the photo's white.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SummaryReport {
-    /// Photos.
+    /// Number of photos.
     pub samples: usize,
-    /// Rooms.
+    /// Number of rooms.
     pub scenes: usize,
-    /// Photos of rooms for training and for validation.
+    /// Number of photos for training and for validation.
     pub samples_by_split: [usize; 2],
-    /// Rooms for training and for validation.
+    /// Number of rooms for training and for validation.
     pub scenes_by_split: [usize; 2],
-    /// Panoramas.
+    /// Number of panoramas.
     pub views: usize,
-    /// Surface points.
+    /// Number of surface points.
     pub points: usize,
-    /// Luminance of all panoramas, weighted by solid angle, or of the photos' light where there are none: a stop a bin.
+    /// Luminance of all panoramas, weighted by solid angle, or of the photos' radiance if there are none. One stop per
+    /// bin.
     pub log2_luminance: Histogram,
-    /// Depth of the photos' pixels, half a metre a bin; those without depth are left out.
+    /// Depth of the photos' pixels, half a metre per bin. Pixels without depth are excluded.
     pub depth_m: Histogram,
-    /// One figure of each sample: name → percentiles.
+    /// Distributions of per-sample figures.
     pub figures: Vec<Distribution>,
 }
 
-/// Shares of equal bins.
+/// Histogram with equal bins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Histogram {
     /// Lower bound of the first bin.
     pub first: f32,
     /// Width of a bin.
     pub step: f32,
-    /// Share of each bin; values beyond the ends count into the first and the last.
+    /// Share of each bin. Values out of range count in the first and last bin.
     pub shares: Vec<f32>,
 }
 
-/// How a figure is distributed over the samples that have it.
+/// Distribution of a figure over the samples that have it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Distribution {
-    /// What it is, with its unit.
+    /// Name of the figure, with its unit.
     pub name: &'static str,
-    /// Samples that have it.
+    /// Number of samples that have it.
     pub count: usize,
-    /// Mean.
+    /// Mean value.
     pub mean: f32,
-    /// 5th, 25th, 50th, 75th and 95th percentile.
+    /// The 5th, 25th, 50th, 75th and 95th percentiles.
     pub percentiles: [f32; 5],
 }
 
@@ -88,7 +89,7 @@ impl Bins {
 }
 
 impl Summary {
-    /// Takes in a sample.
+    /// Adds a sample.
     pub fn add(&mut self, sample: &Sample) {
         let part = usize::from(Split::of(&sample.scene_id) == Split::Validation);
         self.samples[part] += 1;
@@ -121,7 +122,7 @@ impl Summary {
         self.figure("clipped pixels, share", clipped as f32 / sample.photo.pixels().len() as f32);
         self.figure("horizontal field of view, degrees", sample.camera.hfov_deg() as f32);
         let room = |key: &str| sample.metadata.get("room").and_then(|room| room.get(key)).and_then(Value::as_f64);
-        for (key, name) in [("lamps_on", "lamps that burn"), ("window_share", "window area, share of the floor's")] {
+        for (key, name) in [("lamps_on", "lamps switched on"), ("window_share", "window area, share of the floor's")] {
             if let Some(value) = room(key) {
                 self.figure(name, value as f32);
             }
@@ -138,12 +139,12 @@ impl Summary {
         }
     }
 
-    /// Takes in a figure of the caller's.
+    /// Adds a figure computed by the caller.
     pub fn figure(&mut self, name: &'static str, value: f32) {
         self.figures.entry(name).or_default().push(value);
     }
 
-    /// The figures of all samples so far.
+    /// Returns the statistics of all samples so far.
     pub fn report(&self) -> SummaryReport {
         let mut figures: Vec<Distribution> =
             self.figures.iter().map(|(name, values)| distribution(name, values)).collect();
@@ -175,7 +176,7 @@ fn distribution(name: &'static str, values: &[f32]) -> Distribution {
     }
 }
 
-/// Stops between the brightest thousandth of the sphere's pixels and their median.
+/// Returns the stops between the brightest thousandth of the sphere's pixels and their median.
 fn contrast_stops(map: &RadianceImage) -> f32 {
     let mut light: Vec<f32> = map.pixels().iter().map(|&rgb| luminance(rgb)).collect();
     light.sort_unstable_by(f32::total_cmp);
@@ -199,7 +200,7 @@ mod tests {
     fn figures_of_a_known_sample() {
         let mut summary = Summary::default();
         let mut sample = record("a").sample(0);
-        // the upper half of the sphere 2⁰·⁵, the lower 2⁻³·⁵; a pixel of 2¹⁰
+        // The upper half of the sphere is 2⁰·⁵, the lower 2⁻³·⁵, and one pixel 2¹⁰.
         let view = &mut sample.views[0].radiance;
         let (width, height) = (view.width(), view.height());
         for y in 0..height {
@@ -219,9 +220,9 @@ mod tests {
         let figure = |name: &str| report.figures.iter().find(|f| f.name.starts_with(name)).unwrap();
         assert!((figure("mean albedo").mean - 0.265).abs() < 1e-6, "half of 0.5, half of 0.03");
         assert!((figure("horizontal").percentiles[2] - 70.0).abs() < 1e-3);
-        // one column of six
+        // One column of six.
         assert!((figure("pixels without").mean - 1.0 / 6.0).abs() < 1e-6);
-        // median between the halves, brightest thousandth of 128 pixels: not the single one
+        // The median is between the halves. The brightest thousandth of 128 pixels excludes the single bright one.
         assert!(figure("contrast").mean <= 4.1);
     }
 }

@@ -1,30 +1,31 @@
-//! The true octree of a room.
+//! Ground-truth octree of a room.
 
 use lo_geometry::{Cube, Vec3};
 use lo_octree::{LightOctree, OctreeError, RadiancePoint};
 
-/// Of what lies beyond the cube in a leaf's direction, only that is kept which is at most this factor farther than the nearest.
+/// Points outside the cube are kept up to this multiple of the nearest distance in the same leaf's direction.
 const MAX_BEHIND: f32 = 1.1;
 
-/// Which leaves a true octree has.
+/// Selection of a true octree's leaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TrueLeaves {
-    /// Every leaf that a surface point lies in. What the light network learns, and what its split labels are compared with: that a surface just touches
-    /// a leaf can be told from what is seen, that it fills less than half a face of it cannot.
+    /// Every leaf that contains a surface point. The light network learns these, and its split labels are compared with
+    /// them. Whether a surface just touches a leaf can be inferred from a photo; whether it fills less than half of the
+    /// leaf's face cannot.
     All,
-    /// Those that surfaces fill ([`LightOctree::from_uniform_points`]), of points of this area each. What looks most like the room: the bound of
-    /// what an octree can show.
+    /// Leaves that surfaces fill ([`LightOctree::from_uniform_points`]). Looks most like the room: an upper bound for
+    /// octrees.
     Filled {
-        /// Surface that each point stands for.
+        /// Surface area per point, in m².
         point_area_m2: f32,
     },
 }
 
-/// The true octree of a room in a cube: what lies outside is drawn in along its line of sight from the camera to the cube's side, as estimation does
-/// with what is seen. The nearest hides what is behind it.
+/// Builds the true octree of a room in a cube. Points outside are projected along their line of sight from the camera
+/// onto the cube's boundary, as estimation does. Nearer points hide those behind them.
 ///
 /// # Errors
-/// Depths out of range, a cube without volume.
+/// If the depths are out of range or the cube has no volume.
 pub fn true_octree(
     points: &[RadiancePoint],
     leaves: TrueLeaves,
@@ -33,7 +34,7 @@ pub fn true_octree(
     full_depth: u32,
 ) -> Result<LightOctree, OctreeError> {
     let mut inside: Vec<RadiancePoint> = Vec::with_capacity(points.len());
-    // Leaf of the cube's side, distance, and the point that is drawn in.
+    // Leaf at the cube's boundary, distance, and the projected point.
     let mut outside: Vec<(u32, f32, RadiancePoint)> = Vec::new();
     for point in points {
         let position_m = cube.pulled_inside(point.position_m);
@@ -71,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_far_is_painted_on_the_side_and_hides_what_is_behind() {
+    fn distant_points_are_projected_onto_the_boundary_and_hide_those_behind() {
         let cube = Cube::centred(Vec3::ZERO, 8.0);
         let point = |z: f32, radiance: f32| RadiancePoint {
             position_m: Vec3::new(0.01 * z, 0.01 * z, z),
@@ -90,7 +91,7 @@ mod tests {
 
     #[test]
     fn a_surface_that_just_touches_a_leaf_is_in_all_leaves_and_fills_its_neighbour() {
-        // a wall of 8 × 8 points a leaf's face, an eighth of whose last column of leaves is wall
+        // A wall with 8 × 8 points per leaf face. Its last column of leaves is one eighth wall.
         let cube = Cube::centred(Vec3::ZERO, 8.0);
         let step = 1.0 / 8.0;
         let place = |i: usize| -2.0 + (i as f32 + 0.5) * step;

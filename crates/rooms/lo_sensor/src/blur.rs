@@ -1,6 +1,6 @@
 use lo_imaging::RadianceImage;
 
-/// Gaussian blur; beyond the border the border's pixels go on.
+/// Gaussian blur with clamped borders.
 pub(crate) fn blurred(image: &RadianceImage, sigma_px: f32) -> RadianceImage {
     let radius = (3.0 * sigma_px).ceil() as usize;
     if radius == 0 || image.pixels().is_empty() {
@@ -39,7 +39,7 @@ mod tests {
         assert!((sum - 100.0).abs() < 0.01);
         let second: f32 =
             (0..41).map(|x| (0..41).map(|y| spread[(x, y)][0]).sum::<f32>() * (x as f32 - 20.0).powi(2)).sum();
-        // variance of the Gaussian cut at 3.3 σ
+        // Variance of the Gaussian cut at 3.3 σ.
         assert!((second / 100.0 - 2.25).abs() < 0.08, "{}", second / 100.0);
     }
 }

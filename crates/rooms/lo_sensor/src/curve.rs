@@ -1,27 +1,28 @@
 use serde::{Deserialize, Serialize};
 
-/// From exposed linear light to display light, per channel, as cameras do it; the sRGB curve comes after.
+/// Camera response curve: maps exposed linear light to display light, per channel. The sRGB encoding follows it.
 ///
-/// All families but the first bend highlights. They are anchored: light of [`GREY`](Self::GREY) stays where it is, so that a photo's
-/// linearised middle tones agree with radiance in units of the photo's white, whatever the curve. Measured cameras spread around such
-/// curves (Grossberg & Nayar, "What is the Space of Camera Response Functions?", CVPR 2003: 201 responses, steeper than sRGB's in the
-/// middle or with a long shoulder).
+/// All families but the first compress highlights. Light of [`GREY`](Self::GREY) is unchanged, so that linearised
+/// midtones of a photo match radiance in units of its white under any curve. Measured cameras vary around such curves:
+/// 201 responses, steeper than sRGB in the midtones or with a long shoulder (Grossberg & Nayar, "What is the Space of
+/// Camera Response Functions?", CVPR 2003).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "family", rename_all = "kebab-case")]
 pub enum ResponseCurve {
-    /// Linear, clipped at 1: the neutral curve of our own photos.
+    /// Linear, clipped at 1: the neutral curve.
     Srgb,
-    /// The filmic curve of J. Hable ("Uncharted 2: HDR Lighting", GDC 2010): toe, linear part, shoulder.
+    /// Filmic curve of J. Hable ("Uncharted 2: HDR Lighting", GDC 2010): toe, linear part, shoulder.
     Filmic {
-        /// Linear light that becomes white, at least 1.
+        /// Linear light that maps to white, at least 1.
         white: f32,
     },
-    /// A sigmoid on logarithmic light (Naka & Rushton's form), `xⁿ (1 + s) / (xⁿ + s)`: a camera's "vivid" or "standard" picture style.
+    /// Sigmoid on logarithmic light (Naka–Rushton form), `xⁿ (1 + s) / (xⁿ + s)`: a camera's "vivid" or "standard"
+    /// picture style.
     Contrast {
-        /// Exponent n, above 1: slope of the curve's middle on logarithmic axes.
+        /// Exponent n, above 1: midtone slope on logarithmic axes.
         slope: f32,
     },
-    /// A logarithm, `ln(1 + a x) / ln(1 + a w)`: what phones make of a bright window; white is reached at `w > 1`.
+    /// Logarithm, `ln(1 + a x) / ln(1 + a w)`: how phones render a bright window. White is reached at `w > 1`.
     Shoulder {
         /// Strength a, positive.
         strength: f32,
@@ -29,17 +30,17 @@ pub enum ResponseCurve {
 }
 
 impl ResponseCurve {
-    /// The light that curves leave as it is: the 18 % grey card.
+    /// Linear light that every curve leaves unchanged: the 18 % grey card.
     pub const GREY: f32 = 0.18;
 
-    /// The curve made ready for many pixels.
+    /// Returns the curve as a function with its constants precomputed.
     pub(crate) fn prepared(self) -> impl Fn(f32) -> f32 {
         let (a, b) = match self {
             Self::Srgb => (0.0, 0.0),
             Self::Filmic { white } => filmic_scales(white.max(1.0)),
             Self::Contrast { slope } => {
                 let power = Self::GREY.powf(slope);
-                // from T(GREY) = GREY; at slope 1 the curve is the straight line, s = ∞
+                // From T(GREY) = GREY; at slope 1 the curve is the straight line, s = ∞.
                 let s = (power * (1.0 - Self::GREY) / (Self::GREY - power).max(1e-9)).min(1e9);
                 (slope, s)
             }
@@ -64,7 +65,7 @@ impl ResponseCurve {
         }
     }
 
-    /// Display light in [0, 1] of linear light; NaN and negative light are black.
+    /// Maps linear light to display light in [0, 1]. NaN and negative light become black.
     pub fn apply(self, light: f32) -> f32 {
         self.prepared()(light)
     }
@@ -81,9 +82,11 @@ fn hable(x: f32) -> f32 {
     (x * (A * x + C * B) + D * E) / (x * (A * x + B) + D * F) - E / F
 }
 
-/// Scales before and behind [`hable`] such that `white` becomes 1 and the grey stays: by bisection on the first.
+/// Returns the input and output scales of [`hable`] with which `white` maps to 1 and the grey card to itself. Found by
+/// bisection on the input scale.
 ///
-/// `hable(k GREY) / hable(k white)` rises with k where the shoulder works (k above the toe); a scale between 0.2 and 200 is found.
+/// `hable(k GREY) / hable(k white)` increases with k where the shoulder applies (k above the toe). The scale lies
+/// between 0.2 and 200.
 fn filmic_scales(white: f32) -> (f32, f32) {
     let (mut low, mut high) = (0.2f32, 200.0f32);
     for _ in 0..60 {
@@ -127,13 +130,13 @@ mod tests {
 
     #[test]
     fn each_family_does_what_its_name_says() {
-        // closed form: a = 1 clips at ((1.18)^(1/0.18) − 1) / 1 = 1.508
+        // Closed form: a = 1 clips at ((1.18)^(1/0.18) − 1) / 1 = 1.508.
         let shoulder = ResponseCurve::Shoulder { strength: 1.0 };
         assert!(shoulder.apply(1.4) < 1.0 && shoulder.apply(1.52) == 1.0);
-        // white is where it was asked for
+        // White is where it was set.
         let filmic = ResponseCurve::Filmic { white: 4.0 };
         assert!(filmic.apply(3.8) < 1.0 && filmic.apply(4.01) > 0.9999);
-        // a contrast curve darkens shadows and brightens what lies above the grey
+        // A contrast curve darkens shadows and brightens light above the grey card.
         let contrast = ResponseCurve::Contrast { slope: 1.3 };
         assert!(contrast.apply(0.05) < 0.05 && contrast.apply(0.5) > 0.5);
         assert!((contrast.apply(1.0) - 1.0).abs() < 1e-6);

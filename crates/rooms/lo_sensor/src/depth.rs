@@ -7,25 +7,25 @@ use crate::interval::Interval;
 use crate::kinect::{structured_light, time_of_flight};
 use crate::lidar::lidar;
 
-/// Depth sensors and their settings, as ranges: [`DepthModel::draw`] makes one of them.
+/// Parameter ranges of depth sensors. [`DepthModel::draw`] chooses one sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthModel {
-    /// How often each kind occurs.
+    /// Relative frequency of each kind.
     pub kinds: DepthShares,
-    /// Farthest reading of structured light, metres (Kinect v1: 5).
+    /// Range of structured light, in metres (Kinect v1: 5).
     pub structured_light_range_m: Interval,
-    /// Farthest reading of a time-of-flight camera, metres (Kinect v2: 4.5; Azure Kinect: 5.5).
+    /// Range of a time-of-flight camera, in metres (Kinect v2: 4.5; Azure Kinect: 5.5).
     pub time_of_flight_range_m: Interval,
-    /// Farthest reading of a phone's LiDAR, metres (iPhone, iPad: 5).
+    /// Range of a phone's LiDAR, in metres (iPhone, iPad: 5).
     pub lidar_range_m: Interval,
     /// Factor on the published noise.
     pub noise: Interval,
-    /// Least returned light, in units of a white wall at 1 m seen squarely, that gives a reading; uniform in stops.
+    /// Minimum returned light for a reading, in units of a white wall seen perpendicularly at 1 m. Uniform in stops.
     pub least_return: Interval,
 }
 
-/// Relative frequencies of the kinds of [`DepthSettings`].
+/// Relative frequencies of the [`DepthSettings`] kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthShares {
@@ -56,43 +56,43 @@ impl Default for DepthModel {
     }
 }
 
-/// One depth sensor, as drawn.
+/// Settings of one depth sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum DepthSettings {
-    /// A projected pattern seen from a little way off (Kinect v1): shadows beside near things, disparity in steps, noise with the
-    /// square of the depth.
+    /// Structured light (Kinect v1): a projected pattern seen from a short baseline. Shadows beside near objects,
+    /// quantised disparity, noise that grows with the square of the depth.
     StructuredLight {
-        /// Farthest reading, metres.
+        /// Range in metres.
         range_m: f32,
         /// Factor on the published noise.
         noise: f32,
-        /// Least returned light, see [`DepthModel::least_return`].
+        /// Minimum returned light; see [`DepthModel::least_return`].
         least_return: f32,
     },
-    /// Modulated light (Kinect v2, Azure Kinect): flying pixels at edges, noise with the angle.
+    /// Time of flight (Kinect v2, Azure Kinect): flying pixels at edges, noise that grows with the angle.
     TimeOfFlight {
-        /// Farthest reading, metres.
+        /// Range in metres.
         range_m: f32,
         /// Factor on the published noise.
         noise: f32,
-        /// Least returned light, see [`DepthModel::least_return`].
+        /// Minimum returned light; see [`DepthModel::least_return`].
         least_return: f32,
     },
-    /// A phone's laser dots, fused with its photo: 256 pixels wide, smooth, no holes; glass, mirrors and what is out of range are made
-    /// up from around them.
+    /// A phone's LiDAR dots, fused with its photo: 256 pixels wide, smooth, no holes. Glass, mirrors and surfaces out
+    /// of range are filled in from their surroundings.
     Lidar {
-        /// Farthest reading, metres.
+        /// Range in metres.
         range_m: f32,
         /// Factor on the noise.
         noise: f32,
-        /// Standard deviation of the smoothing in its own pixels.
+        /// Standard deviation of the smoothing, in pixels of the sensor.
         blur_px: f32,
     },
 }
 
 impl DepthModel {
-    /// Chooses a sensor.
+    /// Chooses a sensor and its settings.
     pub fn draw(&self, stream: &mut Stream) -> DepthSettings {
         let noise = self.noise.within(0.0, 100.0).draw(stream);
         let least_return = self.least_return.within(0.0, 1.0).draw_log(stream);
@@ -114,11 +114,11 @@ impl DepthModel {
 }
 
 impl DepthSettings {
-    /// What the sensor reports: depth along the optical axis in metres, 0 where it has no reading; of the view's size, or 256 pixels wide
-    /// for a LiDAR. `stream` makes the noise.
+    /// Returns the measured depth along the optical axis in metres, 0 without a reading. The map has the view's size,
+    /// or is 256 pixels wide for a LiDAR. `stream` provides the noise.
     ///
     /// # Panics
-    /// Where the images are not of the camera's size.
+    /// If an image's size differs from the camera's.
     pub fn measure(&self, view: &DepthView, stream: &mut Stream) -> DepthMap {
         let size = (view.camera.width as usize, view.camera.height as usize);
         for (width, height) in [
@@ -150,7 +150,7 @@ mod tests {
     use super::*;
     use crate::kinect::BASELINE_M;
 
-    /// A room of one wall, seen squarely or with the given normal, and whatever is put before it.
+    /// A single wall, and optional objects in front of it.
     struct Room {
         camera: Camera,
         depth_m: DepthMap,
@@ -199,7 +199,7 @@ mod tests {
             assert!(holes(&map) < 0.001);
             let values: Vec<f64> = map.pixels().iter().map(|&v| f64::from(v)).collect();
             let variance = values.iter().map(|v| (v - z).powi(2)).sum::<f64>() / values.len() as f64;
-            // random error and the uniform error of a step, each from the paper
+            // Random error and the uniform error of a quantisation step, each from the paper.
             let (sigma, step) = (1.425e-3 * z * z, 2.85e-3 * z * z);
             let expected = sigma * sigma + step * step / 12.0;
             assert!((variance / expected - 1.0).abs() < 0.15, "{z} m: {variance} instead of {expected}");
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn near_things_throw_a_shadow_of_the_disparity_difference() {
-        // a post 1 m before a wall at 3 m
+        // A post at 1 m in front of a wall at 3 m.
         let room = Room::wall(|x, _| if (150..170).contains(&x) { 1.0 } else { 3.0 });
         let map = room.measure(STRUCTURED);
         let focal_baseline = room.camera.fx as f32 * BASELINE_M;
@@ -221,7 +221,7 @@ mod tests {
         let shadow = (100..150).filter(|&x| (0..160).all(|y| map[(x, y)] == 0.0)).count();
         assert!(shadow.abs_diff(expected) <= 1, "{shadow} instead of {expected} pixels");
         assert!((171..200).all(|x| map[(x, 80)] > 2.9), "no shadow on the other side");
-        // time of flight has no baseline
+        // Time of flight has no baseline.
         let tof = room.measure(TOF);
         assert!((130..148).all(|x| tof[(x, 80)] > 2.9));
     }
@@ -262,7 +262,7 @@ mod tests {
         let map = room.measure(LIDAR);
         assert_eq!((map.width(), map.height()), (240, 160));
         assert_eq!(holes(&map), 0.0);
-        // scale error and waves together stay below 3 %
+        // Scale error and waves together stay below 3 %.
         assert!((map[(40, 70)] - 2.0).abs() < 0.06 && (map[(200, 70)] - 3.0).abs() < 0.09);
         let step = (map[(181, 70)] - map[(180, 70)]).abs();
         assert!(step < 0.005, "neighbours differ by {step} m");
@@ -287,7 +287,7 @@ mod tests {
                 DepthSettings::Lidar { .. } => counts[2] += 1,
             }
         }
-        // deviations of about 15
+        // Standard deviations of about 15.
         assert!((250..350).contains(&counts[0]) && (250..350).contains(&counts[1]), "{counts:?}");
         let drawn = model.draw(&mut lo_random::stream(2, "depth", 1));
         let text = serde_json::to_string(&drawn).unwrap();

@@ -1,29 +1,29 @@
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image, luminance};
 
-/// What a depth sensor looks at; all images of the camera's size.
+/// True geometry and materials in front of a depth sensor. All images have the camera's size.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthView<'a> {
-    /// The lens.
+    /// Camera intrinsics.
     pub camera: &'a Camera,
-    /// True depth along the optical axis, metres; 0 where there is no surface.
+    /// True depth along the optical axis, in metres. 0 where there is no surface.
     pub depth_m: &'a DepthMap,
-    /// Unit normals in camera axes, towards the camera; 0 where there is no surface.
+    /// Unit normals in camera axes, towards the camera. 0 where there is no surface.
     pub normal: &'a Image<[f32; 3]>,
     /// Base colour.
     pub albedo: &'a Image<[f32; 3]>,
-    /// Clear panes and mirrors.
+    /// Whether a pixel shows a clear pane or a mirror.
     pub specular: &'a Image<bool>,
 }
 
-/// Nearest reading of structured light and time of flight, metres.
+/// Nearest reading of structured light and time of flight, in metres.
 pub(crate) const NEAREST_M: f32 = 0.4;
-/// Neighbouring depths that differ by more than this share lie on different surfaces.
+/// Relative depth difference of neighbouring pixels on different surfaces.
 const EDGE: f32 = 0.05;
 
 impl DepthView<'_> {
-    /// Cosine between the line of sight and the normal, and the light returned by a unit source at the camera, a white wall at 1 m being 1;
-    /// `None` where nothing comes back to the sensor.
+    /// Returns the cosine between the line of sight and the normal, and the light returned by a unit source at the
+    /// camera, relative to a white wall at 1 m. `None` where no light returns to the sensor.
     pub(crate) fn returned(&self, x: usize, y: usize) -> Option<(f32, f32)> {
         let z = self.depth_m[(x, y)];
         if z <= 0.0 || self.specular[(x, y)] {
@@ -35,7 +35,7 @@ impl DepthView<'_> {
         Some((cosine, luminance(self.albedo[(x, y)]) * cosine / (distance * distance)))
     }
 
-    /// Depth of the neighbour on another surface that is farthest away from this depth, if any.
+    /// Returns the depth of the neighbouring pixel on another surface, the one that differs most.
     pub(crate) fn across_edge(&self, x: usize, y: usize) -> Option<f32> {
         let z = self.depth_m[(x, y)];
         [(-1isize, 0isize), (1, 0), (0, -1), (0, 1)]

@@ -3,14 +3,15 @@ use lo_imaging::RadianceImage;
 
 use crate::{DepthView, UNIT_CD_M2};
 
-/// Radiance, in units of 100 cd/m², with the light of a flash at the camera added: `intensity_cd` candela ahead, falling with the square of the
-/// cosine aside and of the distance; surfaces scatter it by their base colour. Panes and mirrors show none of it.
+/// Adds the light of a flash at the camera to radiance in units of 100 cd/m². The flash gives `intensity_cd` candela
+/// straight ahead. Its light falls off with the squared cosine of the angle and the squared distance. Surfaces reflect
+/// it diffusely by their base colour; panes and mirrors do not show it.
 ///
 /// # Panics
-/// Where the images are not of one size.
-pub(crate) fn with_flash(radiance: &RadianceImage, view: &DepthView, intensity_cd: f32) -> RadianceImage {
+/// If the images differ in size.
+pub(crate) fn add_flash(radiance: &RadianceImage, view: &DepthView, intensity_cd: f32) -> RadianceImage {
     let size = (radiance.width(), radiance.height());
-    assert_eq!(size, (view.depth_m.width(), view.depth_m.height()), "the view must be that of the image");
+    assert_eq!(size, (view.depth_m.width(), view.depth_m.height()), "the view's size must match the image's");
     let per_unit = intensity_cd / (std::f32::consts::PI * UNIT_CD_M2);
     RadianceImage::from_fn(size.0, size.1, |x, y| {
         let ambient = radiance[(x, y)];
@@ -45,9 +46,9 @@ mod tests {
             let specular = Image::new(41, 31, vec![specular; 41 * 31]);
             let view =
                 DepthView { camera: &camera, depth_m: &depth_m, normal: &normal, albedo: &albedo, specular: &specular };
-            with_flash(&RadianceImage::new(41, 31, vec![[0.1; 3]; 41 * 31]), &view, 100.0)
+            add_flash(&RadianceImage::new(41, 31, vec![[0.1; 3]; 41 * 31]), &view, 100.0)
         };
-        // 100 lx on a sheet of albedo ½ at 1 m: 15.9 cd/m², 0.159 units
+        // 100 lx on a sheet of albedo ½ at 1 m: 15.9 cd/m², 0.159 units.
         let light = at(1.0, false)[(20, 15)];
         assert!((light[0] - 0.1 - 0.159).abs() < 1e-3 && (light[1] - 0.1 - 0.0796).abs() < 1e-3, "{light:?}");
         assert!((at(2.0, false)[(20, 15)][0] - 0.1 - 0.159 / 4.0).abs() < 1e-3);

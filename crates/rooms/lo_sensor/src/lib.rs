@@ -1,7 +1,8 @@
-//! Camera and depth-sensor models: from radiance and true depth to what a device records.
+//! Camera and depth-sensor models: from radiance and true depth to the data a device records.
 //!
-//! A model holds ranges, in serde structs with documented defaults. [`PhotoModel::draw`] and [`DepthModel::draw`] choose one
-//! device and its settings; what was chosen is kept with the sample, so that every photo can be explained.
+//! A model holds parameter ranges in serde structs with documented defaults. [`PhotoModel::draw`] and
+//! [`DepthModel::draw`] choose one device and its settings. The settings are stored with the sample, so that every
+//! photo can be reproduced.
 
 mod blur;
 mod curve;
@@ -25,5 +26,5 @@ pub use phone::{PhoneModel, PhoneSettings};
 pub use photo::{PhotoSettings, Photograph};
 pub use photo_model::{CurveShares, PhotoModel};
 
-/// What a unit of radiance stands for, cd/m²; `lo_synth` makes rooms in the same unit.
+/// Luminance of one unit of radiance, in cd/m². `lo_synth` generates rooms in the same unit.
 const UNIT_CD_M2: f32 = 100.0;

@@ -1,4 +1,4 @@
-//! What a phone's depth fusion makes of a few hundred laser dots: low resolution, smooth, without holes.
+//! Phone LiDAR: depth fused from a few hundred laser dots. Low resolution, smooth, without holes.
 
 use lo_imaging::{DepthMap, Image};
 use lo_random::{RngExt, Stream};
@@ -7,18 +7,18 @@ use rand_distr::{Distribution, StandardNormal};
 use crate::depth_view::DepthView;
 use crate::interval::Interval;
 
-/// Width of a phone's LiDAR map in pixels.
+/// Width of a phone's LiDAR map, in pixels.
 const LIDAR_WIDTH: usize = 256;
 
-/// A phone's fused LiDAR map.
+/// Simulates a phone's fused LiDAR map.
 pub(crate) fn lidar(view: &DepthView, range_m: f32, noise: f32, blur_px: f32, stream: &mut Stream) -> DepthMap {
     let (width, height) = (view.depth_m.width(), view.depth_m.height());
     let measured =
         Image::from_fn(width, height, |x, y| view.returned(x, y).is_some() && view.depth_m[(x, y)] <= range_m);
     let low = LIDAR_WIDTH.min(width);
     let low_height = ((low * height) as f32 / width as f32).round().max(1.0) as usize;
-    let smooth = fused(view.depth_m, &measured, low, low_height, blur_px);
-    // The fusion's errors are smooth too: a scale error, and waves over tens of pixels.
+    let smooth = fuse(view.depth_m, &measured, low, low_height, blur_px);
+    // Errors of the fusion are smooth too: a scale error, and waves over tens of pixels.
     let scale = 1.0 + 0.005 * noise * normal(stream);
     let waves: Vec<[f32; 4]> = (0..6)
         .map(|_| {
@@ -41,13 +41,13 @@ fn normal(stream: &mut Stream) -> f32 {
     StandardNormal.sample(stream)
 }
 
-/// Reduces depth to `width` × `height` (means of inverse depth of what is measured), fills what is not, and smooths over `blur_px` of the
-/// low resolution.
+/// Downscales depth to `width` × `height` (means of measured inverse depth), fills unmeasured pixels, and smooths by
+/// `blur_px` of the low resolution.
 ///
-/// `measured` is false where the sensor gets nothing back. Where nothing at all is measured the result is all 0.
-fn fused(depth_m: &DepthMap, measured: &Image<bool>, width: usize, height: usize, blur_px: f32) -> DepthMap {
-    // Inverse depth: it is affine on planes, so means stay on them; edges smear as they do in the real maps.
-    let mut level = Level::new(width, height);
+/// `measured` is false where the sensor receives no light. If nothing at all is measured, the result is all 0.
+fn fuse(depth_m: &DepthMap, measured: &Image<bool>, width: usize, height: usize, blur_px: f32) -> DepthMap {
+    // Inverse depth is affine on planes, so means stay on them. Edges smear as in real maps.
+    let mut level = PyramidLevel::new(width, height);
     for y in 0..height {
         for x in 0..width {
             let (xs, ys) = (
@@ -68,13 +68,13 @@ fn fused(depth_m: &DepthMap, measured: &Image<bool>, width: usize, height: usize
     smooth.map(|&inverse| if inverse > 0.0 { 1.0 / inverse } else { 0.0 })
 }
 
-/// Sums and weights of a resolution: the "pull-push" of Gortler et al. ("The Lumigraph", 1996, section 3.4).
-struct Level {
+/// Pyramid level of the "pull-push" algorithm (Gortler et al., "The Lumigraph", 1996, section 3.4): sums and weights.
+struct PyramidLevel {
     sum: Image<f32>,
     weight: Image<f32>,
 }
 
-impl Level {
+impl PyramidLevel {
     fn new(width: usize, height: usize) -> Self {
         let zeros = || Image::new(width, height, vec![0.0; width * height]);
         Self { sum: zeros(), weight: zeros() }
@@ -85,7 +85,7 @@ impl Level {
         self.weight[(x, y)] += 1.0;
     }
 
-    /// Means where there is weight, the coarser level's values elsewhere; 0 where there is none at all.
+    /// Returns means where there is weight, and the coarser level's values elsewhere. 0 if there is no weight at all.
     fn filled(&self) -> Image<f32> {
         let (width, height) = (self.sum.width(), self.sum.height());
         let complete = self.weight.pixels().iter().all(|&w| w > 0.0);
@@ -110,7 +110,7 @@ impl Level {
     }
 }
 
-/// Gaussian blur; beyond the border the border's pixels go on.
+/// Gaussian blur with clamped borders.
 fn blurred(image: &Image<f32>, sigma_px: f32) -> Image<f32> {
     let radius = (3.0 * sigma_px).ceil() as isize;
     if radius <= 0 {
@@ -141,19 +141,19 @@ mod tests {
 
     #[test]
     fn planes_stay_planes_and_holes_are_filled() {
-        // a slanted plane: inverse depth is affine in the image
+        // A slanted plane: inverse depth is affine in the image.
         let depth = DepthMap::from_fn(480, 320, |x, y| 1.0 / (0.2 + 0.0005 * x as f32 + 0.0002 * y as f32));
         let all = Image::new(480, 320, vec![true; 480 * 320]);
-        let fused_map = fused(&depth, &all, 240, 160, 1.0);
+        let fused_map = fuse(&depth, &all, 240, 160, 1.0);
         for (x, y) in [(20, 30), (120, 80), (200, 140)] {
             let expected = 1.0 / (0.2 + 0.0005 * (2.0 * x as f32 + 0.5) + 0.0002 * (2.0 * y as f32 + 0.5));
             assert!((fused_map[(x, y)] - expected).abs() < 2e-3, "{} instead of {expected}", fused_map[(x, y)]);
         }
         let with_hole = Image::from_fn(480, 320, |x, y| !(100..220).contains(&x) || !(100..180).contains(&y));
-        let filled = fused(&depth, &with_hole, 240, 160, 1.0);
+        let filled = fuse(&depth, &with_hole, 240, 160, 1.0);
         let worst =
             filled.pixels().iter().zip(fused_map.pixels()).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f32::max);
-        // across the hole the plane changes by 20 %; what is filled lies between
+        // Across the hole the plane changes by 20 %; filled values are in between.
         assert!(filled.pixels().iter().all(|&z| z > 0.0) && worst < 0.2, "{worst}");
     }
 
@@ -161,6 +161,6 @@ mod tests {
     fn nothing_measured_gives_nothing() {
         let depth = DepthMap::new(8, 8, vec![2.0; 64]);
         let none = Image::new(8, 8, vec![false; 64]);
-        assert!(fused(&depth, &none, 4, 4, 1.0).pixels().iter().all(|&z| z == 0.0));
+        assert!(fuse(&depth, &none, 4, 4, 1.0).pixels().iter().all(|&z| z == 0.0));
     }
 }

@@ -1,35 +1,38 @@
-//! What a camera decides before it takes the picture: exposure and white balance.
+//! Automatic exposure and white balance.
 
 use lo_imaging::{RadianceImage, luminance};
 
-/// Most zones along a side; cameras meter on a coarse grid too.
+/// Maximum number of zones along a side. Cameras meter on a coarse grid too.
 const MAX_ZONES: usize = 96;
 
-/// Standard deviation of the centre weight, in units of half of the picture's side.
+/// Standard deviation of the centre weighting, in units of half the image's side.
 const CENTRE: f32 = 0.6;
 
-/// Minkowski exponent of the illuminant's estimate (Finlayson & Trezzi, "Shades of Gray and Colour Constancy", CIC 2004: p = 6 is best).
+/// Minkowski exponent of the illuminant estimate (Finlayson & Trezzi, "Shades of Gray and Colour Constancy", CIC 2004:
+/// p = 6 is best).
 const MINKOWSKI: i32 = 6;
 
-/// Greatest correction of red or blue against green; beyond about 2500 K cameras leave a picture warm.
+/// Maximum correction of red or blue against green. Below about 2500 K, cameras leave an image warm.
 const MAX_GAIN: f32 = 2.2;
 
-/// What the camera has to reach.
+/// Targets of the automatic exposure and white balance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Metering {
-    /// Mean level, of white, that the centre-weighted picture gets; ISO 2720 and common practice aim at the 18 % grey card.
+    /// Target mean level of the centre-weighted image, relative to white. ISO 2720 and common practice use the 18 %
+    /// grey card.
     pub grey_level: f32,
-    /// Most of the picture that may be clipped before the exposure is lowered, by a stop at most.
+    /// Share of the image that may be clipped before the exposure is lowered, by at most one stop.
     pub highlight_share: f32,
-    /// Share of the illuminant's colour that is taken out: 0 nothing, 1 all.
+    /// Share of the illuminant's colour that is removed: 0 none, 1 all.
     pub white_balance: f32,
 }
 
-/// Gain of each channel from radiance to exposed light (1 is white) that a camera's automatic would choose.
+/// Returns the per-channel gains from radiance to exposed light (white is 1) that automatic exposure and white balance
+/// choose.
 ///
-/// Centre-weighted average metering on what the sensor would record, that is on *clipped* light: a window in the picture counts as
-/// white, however bright it is. The white balance assumes that the light's mean (with exponent 6, which favours bright surfaces) is
-/// grey, clipped zones left out. A picture without light gets gains of 1.
+/// Exposure is centre-weighted average metering of *clipped* light, as the sensor records it: a window counts as white,
+/// however bright it is. White balance assumes that the mean light (with exponent 6, which favours bright surfaces) is
+/// grey, and ignores clipped zones. A black image gets gains of 1.
 pub fn meter(radiance: &RadianceImage, metering: &Metering) -> [f32; 3] {
     let zones = zones(radiance);
     let Some(raw) = exposure(&zones, [1.0; 3], metering) else { return [1.0; 3] };
@@ -38,7 +41,7 @@ pub fn meter(radiance: &RadianceImage, metering: &Metering) -> [f32; 3] {
     balance.map(|gain| gain * exposure)
 }
 
-/// Mean radiance of a part of the picture and its weight in the exposure.
+/// Mean radiance of an image zone and its weight in the exposure.
 struct Zone {
     radiance: [f32; 3],
     weight: f32,
@@ -71,7 +74,7 @@ fn zones(radiance: &RadianceImage) -> Vec<Zone> {
     zones
 }
 
-/// The factor that brings the weighted mean of clipped luminance to the grey level; `None` without light.
+/// Returns the factor that brings the weighted mean of clipped luminance to the grey level. `None` for a black image.
 fn exposure(zones: &[Zone], balance: [f32; 3], metering: &Metering) -> Option<f32> {
     let light: Vec<f32> = zones
         .iter()
@@ -88,7 +91,8 @@ fn exposure(zones: &[Zone], balance: [f32; 3], metering: &Metering) -> Option<f3
     let mean = |factor: f32| {
         zones.iter().zip(&light).map(|(zone, l)| zone.weight * (l * factor).min(1.0)).sum::<f32>() / total
     };
-    // The mean rises with the factor; at 1 / brightest nothing is clipped. 2^±40 covers every picture that is not nearly all black.
+    // The mean increases with the factor; at 1 / brightest nothing is clipped. 2^±40 covers every image that is not
+    // nearly all black.
     let (mut low, mut high) = (-40.0f32, 40.0f32);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
@@ -99,7 +103,7 @@ fn exposure(zones: &[Zone], balance: [f32; 3], metering: &Metering) -> Option<f3
         }
     }
     let metered = low.exp2() / brightest;
-    // Highlights: the light that may still be clipped is the one at the given rank.
+    // Highlights: the luminance at the given rank may just be clipped.
     let mut sorted = light;
     sorted.sort_unstable_by(f32::total_cmp);
     let rank = ((1.0 - metering.highlight_share.clamp(0.0, 1.0)) * (sorted.len() - 1) as f32) as usize;
@@ -156,9 +160,9 @@ mod tests {
         let none = meter(&warm, &Metering { white_balance: 0.0, ..METERING });
         assert!((none[0] - none[1]).abs() < 1e-6);
         let half = meter(&warm, &Metering { white_balance: 0.5, ..METERING });
-        // √(0.4/0.6): half of the way in stops
+        // √(0.4/0.6): half of the way in stops.
         assert!((half[0] / half[1] - (0.4f32 / 0.6).sqrt()).abs() < 1e-4);
-        // a candle's red is not taken out
+        // A candle's red is not removed completely.
         let candle = RadianceImage::new(48, 32, vec![[1.0, 0.2, 0.01]; 48 * 32]);
         assert!((meter(&candle, &METERING)[2] / meter(&candle, &METERING)[1] - 2.2).abs() < 1e-4);
     }

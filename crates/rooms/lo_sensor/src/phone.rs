@@ -1,4 +1,5 @@
-//! What phones do to a picture after the sensor: denoising, local tone mapping, sharpening. In rooms they choose the sensitivity by the light.
+//! Image processing of phones after the sensor: denoising, local tone mapping, sharpening. Phones choose the
+//! sensitivity by the scene's light.
 
 use lo_imaging::{Image, RadianceImage, luminance};
 use lo_random::{RngExt, Stream};
@@ -7,25 +8,27 @@ use serde::{Deserialize, Serialize};
 use crate::blur::blurred;
 use crate::{Interval, ResponseCurve, UNIT_CD_M2};
 
-/// A phone's processing, as ranges.
+/// Parameter ranges of a phone's processing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PhoneModel {
-    /// Share of photos that are developed so.
+    /// Share of photos taken by a phone.
     pub share: f32,
-    /// Strength of denoising: deviations of the noise that count as noise. 0 leaves it; 3 and more smear texture too.
+    /// Strength of denoising, in standard deviations of the noise. 0 disables it; 3 and more also smear texture.
     pub denoising: Interval,
-    /// Share of the large-scale contrast (in stops) that local tone mapping takes out; details gain as much.
+    /// Share of the large-scale contrast (in stops) that local tone mapping removes. Details are amplified by as much.
     pub compression: Interval,
     /// Amount of the unsharp mask.
     pub sharpening: Interval,
-    /// Standard deviation of its blur, pixels: the width of the halos. Uniform in stops.
+    /// Standard deviation of the unsharp mask's blur in pixels: the width of the halos. Uniform in stops.
     pub halo_px: Interval,
-    /// A cast from warm to cold, which adds to the white balance's error: natural logarithm, added to red and taken from blue.
+    /// Colour cast from warm to cold, added to the white balance's error: natural logarithm, added to red and
+    /// subtracted from blue.
     pub cast: Interval,
-    /// Exposure time in seconds, by which the light of the scene (in units of 100 cd/m²) gives the sensitivity; uniform in stops.
+    /// Exposure time in seconds, uniform in stops. Together with the scene's light (in units of 100 cd/m²) it
+    /// determines the sensitivity.
     pub shutter_s: Interval,
-    /// Least and greatest sensitivity.
+    /// Minimum and maximum sensitivity.
     pub iso: Interval,
 }
 
@@ -44,7 +47,7 @@ impl Default for PhoneModel {
     }
 }
 
-/// One phone's processing, as drawn.
+/// Settings of one phone's processing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhoneSettings {
     /// See [`PhoneModel::denoising`].
@@ -61,24 +64,24 @@ pub struct PhoneSettings {
     pub iso: [f32; 2],
 }
 
-/// Aperture of phones.
+/// F-number of phone lenses.
 const F_NUMBER: f32 = 1.8;
-/// Constant of reflected-light meters (ISO 2720), cd s/m².
+/// Constant of reflected-light meters (ISO 2720), in cd s/m².
 const METER_K: f32 = 12.5;
 
-/// Half of the side of the window that the base layer is made from, as a share of the picture's longer side.
+/// Half side of the base layer's window, as a share of the image's longer side.
 const BASE_RADIUS: f32 = 0.04;
-/// Variance in stops² from which on an edge belongs to the base layer.
+/// Variance in stops² above which an edge belongs to the base layer.
 const BASE_EDGE: f32 = 0.5;
-/// Light that counts as black, of white.
+/// Light that counts as black, relative to white.
 const BLACK: f32 = 1e-4;
 
-/// Half of the side of the denoiser's window, pixels, and the deviation of its weight by distance.
+/// Half side of the denoiser's window in pixels, and the standard deviation of its spatial weight.
 const WINDOW_PX: isize = 2;
 const WINDOW_SIGMA_PX: f32 = 1.6;
 
 impl PhoneModel {
-    /// Chooses a phone's processing and its cast, where the photo is by a phone.
+    /// Chooses a phone's processing and its colour cast. `None` if the photo is not by a phone.
     pub(crate) fn draw(&self, stream: &mut Stream) -> Option<(PhoneSettings, f32)> {
         (stream.random::<f32>() < self.share).then(|| {
             let settings = PhoneSettings {
@@ -95,20 +98,21 @@ impl PhoneModel {
 }
 
 impl PhoneSettings {
-    /// The sensitivity with which `gain` times radiance in units of 100 cd/m² is exposed light: H = q L t / N² and ISO 2720's meter,
-    /// `S = K N² / (t L)` with L the luminance that becomes the grey card.
+    /// Returns the sensitivity at which radiance (in units of 100 cd/m²) times `gain` is exposed light. From H = q L t
+    /// / N² and ISO 2720's meter, `S = K N² / (t L)`, with L the luminance that becomes the grey card.
     pub(crate) fn sensitivity(&self, gain: f32) -> f32 {
         let grey_cd_m2 = ResponseCurve::GREY / gain.max(f32::MIN_POSITIVE) * UNIT_CD_M2;
         (METER_K * F_NUMBER * F_NUMBER / (self.shutter_s * grey_cd_m2)).clamp(self.iso[0], self.iso[1])
     }
 
-    /// Denoises and compresses exposed light whose shot noise is that of `white_electrons` at 1.
+    /// Denoises and tone-maps exposed light. `white_electrons` is the number of electrons at 1, which sets the shot
+    /// noise.
     pub(crate) fn develop(&self, light: &RadianceImage, white_electrons: f32) -> RadianceImage {
         let smooth = denoised(light, self.denoising, white_electrons);
         compressed(&smooth, self.compression)
     }
 
-    /// The unsharp mask on sRGB codes: overshoots at edges are its halos.
+    /// Applies the unsharp mask to sRGB codes. Overshoots at edges are its halos.
     pub(crate) fn sharpened(&self, photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
         let codes = photo.map(|rgb| rgb.map(f32::from));
         let soft = blurred(&codes, self.halo_px);
@@ -119,14 +123,14 @@ impl PhoneSettings {
     }
 }
 
-/// Bilateral filter (Tomasi & Manduchi 1998) on square roots, on which shot noise has the same deviation everywhere (Anscombe 1948): what
-/// differs by less than `strength` deviations of green is averaged.
+/// Bilateral filter (Tomasi & Manduchi 1998) on square roots, where shot noise has constant variance (Anscombe 1948).
+/// Averages pixels that differ by less than `strength` standard deviations of green.
 fn denoised(light: &RadianceImage, strength: f32, white_electrons: f32) -> RadianceImage {
     if strength <= 0.0 {
         return light.clone();
     }
     let roots = light.map(|rgb| rgb.map(|v| v.max(0.0).sqrt()));
-    // √x of a Poisson variable of mean m has deviation ½; in units of white's root that is ½ / √electrons.
+    // √x of a Poisson variable of mean m has standard deviation ½; in units of white's root that is ½ / √electrons.
     let deviation = strength * 0.5 / white_electrons.max(f32::MIN_POSITIVE).sqrt();
     let (width, height) = (light.width(), light.height());
     let by_distance: Vec<f32> = (-WINDOW_PX..=WINDOW_PX)
@@ -153,8 +157,9 @@ fn denoised(light: &RadianceImage, strength: f32, white_electrons: f32) -> Radia
     })
 }
 
-/// Local tone mapping by a base and a detail layer (Durand & Dorsey, "Fast Bilateral Filtering for the Display of High-Dynamic-Range Images",
-/// SIGGRAPH 2002): `share` of the base's distance from the grey card, in stops, is taken out, details are `1 + share` times as strong.
+/// Local tone mapping with a base and a detail layer (Durand & Dorsey, "Fast Bilateral Filtering for the Display of
+/// High-Dynamic-Range Images", SIGGRAPH 2002). Removes `share` of the base's distance from the grey card, in stops.
+/// Details are amplified by `1 + share`.
 fn compressed(light: &RadianceImage, share: f32) -> RadianceImage {
     if share <= 0.0 || light.pixels().is_empty() {
         return light.clone();
@@ -169,7 +174,8 @@ fn compressed(light: &RadianceImage, share: f32) -> RadianceImage {
     })
 }
 
-/// The guided filter of a picture by itself, which keeps edges (He, Sun & Tang, "Guided Image Filtering", TPAMI 2013, equations 5 to 8).
+/// Edge-preserving guided filter of an image by itself (He, Sun & Tang, "Guided Image Filtering", TPAMI 2013, equations
+/// 5 to 8).
 fn base_layer(picture: &Image<f32>, radius: usize) -> Image<f32> {
     let mean = box_mean(picture, radius);
     let square = box_mean(&picture.map(|v| v * v), radius);
@@ -184,7 +190,7 @@ fn base_layer(picture: &Image<f32>, radius: usize) -> Image<f32> {
     Image::from_fn(width, height, |x, y| slope[(x, y)] * picture[(x, y)] + offset[(x, y)])
 }
 
-/// Mean over the square of `2 radius + 1` pixels, as far as it lies in the picture.
+/// Mean over a square of `2 radius + 1` pixels, cropped to the image.
 fn box_mean(picture: &Image<f32>, radius: usize) -> Image<f32> {
     let (width, height) = (picture.width(), picture.height());
     let line = |length: usize, value: &dyn Fn(usize) -> f32| -> Vec<f32> {
@@ -218,16 +224,16 @@ mod tests {
 
     #[test]
     fn dark_rooms_are_taken_with_a_high_sensitivity() {
-        // 100 cd/m² as 18 % grey: 12.5 · 1.8² · 30 / 100
+        // 100 cd/m² as 18 % grey: 12.5 · 1.8² · 30 / 100.
         assert!((PHONE.sensitivity(0.18) / 12.15 - 1.0).abs() < 1e-4 || PHONE.sensitivity(0.18) == 25.0);
-        // a hundredth of it
+        // A hundredth of the light.
         assert!((PHONE.sensitivity(18.0) / 1215.0 - 1.0).abs() < 1e-4);
         assert_eq!(PHONE.sensitivity(1e9), 12_800.0);
     }
 
     #[test]
     fn local_tone_mapping_moves_contrast_from_regions_to_details() {
-        // two halves five stops apart around the grey card, each with stripes of a tenth of a stop
+        // Two halves five stops apart around the grey card, each with stripes of a tenth of a stop.
         let light = RadianceImage::from_fn(160, 80, |x, y| {
             let region = if x < 80 { -2.5f32 } else { 2.5 };
             let stripe = if (y / 2) % 2 == 0 { 0.05 } else { -0.05 };
@@ -258,7 +264,7 @@ mod tests {
         assert!(deviation(&smooth) < 0.4 * deviation(&noisy), "{} of {}", deviation(&smooth), deviation(&noisy));
         let edge = (smooth[(42, 20)][1] - smooth[(37, 20)][1]) / 0.5;
         assert!((edge - 1.0).abs() < 0.15, "{edge}");
-        // texture of the noise's size goes with it
+        // Texture of the noise's amplitude is removed with it.
         let texture = RadianceImage::from_fn(40, 40, |x, _| [0.6 + if x % 2 == 0 { 0.02 } else { -0.02 }; 3]);
         let left = denoised(&texture, 3.0, electrons);
         assert!((left[(20, 20)][1] - left[(21, 20)][1]).abs() < 0.02);

@@ -7,20 +7,20 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::blur::blurred;
-use crate::flash::with_flash;
+use crate::flash::add_flash;
 use crate::metering::{Metering, meter};
 use crate::{DepthView, PhoneSettings, ResponseCurve};
 
-/// Electrons that a phone's pixel holds at white and base sensitivity (1 µm pixels: some 6,000).
+/// Electrons of a phone's pixel at white and base sensitivity (1 µm pixels: about 6,000).
 const FULL_WELL_E: f32 = 6000.0;
 
-/// Sensitivity at which white fills the pixel.
+/// ISO sensitivity at which white fills the pixel.
 const BASE_ISO: f32 = 50.0;
 
-/// Read noise of one pixel in electrons, standard deviation.
+/// Read noise of one pixel in electrons (standard deviation).
 const READ_NOISE_E: f32 = 2.0;
 
-/// One camera's settings, as drawn.
+/// Settings of one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhotoSettings {
     /// See [`PhotoModel::grey_level`](crate::PhotoModel::grey_level).
@@ -31,52 +31,53 @@ pub struct PhotoSettings {
     pub highlight_share: f32,
     /// See [`PhotoModel::white_balance`](crate::PhotoModel::white_balance).
     pub white_balance: f32,
-    /// Errors of red and of blue, natural logarithms.
+    /// Errors of the red and blue gains, natural logarithms.
     pub white_balance_error: [f32; 2],
     /// See [`PhotoModel::vignetting`](crate::PhotoModel::vignetting).
     pub vignetting: f32,
     /// See [`PhotoModel::blur_px`](crate::PhotoModel::blur_px).
     pub blur_px: f32,
-    /// Sensitivity.
+    /// ISO sensitivity.
     pub iso: f32,
     /// See [`PhotoModel::binned_pixels`](crate::PhotoModel::binned_pixels).
     pub binned_pixels: f32,
     /// JPEG quality, 1 to 100.
     pub jpeg_quality: u8,
-    /// The response.
+    /// Response curve.
     pub curve: ResponseCurve,
-    /// A phone's processing, where the photo is by one; then `iso` is what the phone chooses by the light instead.
+    /// A phone's processing. If set, the phone chooses the sensitivity by the light and `iso` is ignored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phone: Option<PhoneSettings>,
-    /// Intensity of the flash ahead, candela, where there is one.
+    /// Intensity of the flash straight ahead, in candela. `None` without a flash.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flash_cd: Option<f32>,
 }
 
-/// A photo and how it relates to the light that made it.
+/// Photo and its relation to the scene's radiance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Photograph {
-    /// What the camera wrote.
+    /// Encoded file.
     pub jpeg: Vec<u8>,
-    /// The same, decoded: sRGB.
+    /// Decoded file, sRGB.
     pub photo: Image<[u8; 3]>,
-    /// Radiance times this, per channel, is in units of the photo's white: exposure and white balance as set, errors included, *before*
-    /// vignetting and response. With [`ResponseCurve::Srgb`], no noise and no vignetting, 1.0 is sRGB 255.
+    /// Per-channel factors from radiance to units of the photo's white: exposure and white balance as set, including
+    /// errors, *before* vignetting and response. With [`ResponseCurve::Srgb`], no noise and no vignetting, 1.0 is sRGB
+    /// 255.
     pub gains: [f32; 3],
 }
 
 impl PhotoSettings {
-    /// Takes the photo of `radiance`, any units; `stream` makes the noise.
+    /// Simulates a photo of `radiance` (any units). `stream` provides the noise.
     ///
-    /// Exposure and white balance ([`meter`]) with their errors, vignetting, blur, shot and read noise on linear light, denoising and local tone
-    /// mapping by a phone, the response with its clipping, 8-bit sRGB, a phone's sharpening, JPEG. A flash is in the radiance already: see
-    /// [`lit`](Self::lit).
+    /// Steps: exposure and white balance ([`meter`]) with their errors, vignetting, blur, shot and read noise on linear
+    /// light, a phone's denoising and local tone mapping, response curve with clipping, 8-bit sRGB, a phone's
+    /// sharpening, JPEG. A flash must already be in the radiance; see [`with_flash`](Self::with_flash).
     ///
     /// # Panics
-    /// Where the image has not the camera's size, or a side of more than 65,535 pixels, which a JPEG cannot have.
+    /// If the image's size differs from the camera's, or a side exceeds 65,535 pixels, the limit of JPEG.
     pub fn photograph(&self, radiance: &RadianceImage, camera: &Camera, stream: &mut Stream) -> Photograph {
         let size = (radiance.width() as u32, radiance.height() as u32);
-        assert_eq!(size, (camera.width, camera.height), "the camera must be that of the image");
+        assert_eq!(size, (camera.width, camera.height), "the camera's size must match the image's");
         let gains = self.gains(radiance);
         let mut light = self.optics(radiance, camera, gains);
         let iso = self.phone.map_or(self.iso, |phone| phone.sensitivity(gains[1]));
@@ -93,7 +94,7 @@ impl PhotoSettings {
         let mut jpeg = Vec::new();
         JpegEncoder::new_with_quality(&mut jpeg, self.jpeg_quality.clamp(1, 100))
             .encode(developed.pixels().as_flattened(), size.0, size.1, ExtendedColorType::Rgb8)
-            .expect("a camera's picture has pixels and fits into a JPEG");
+            .expect("the image has pixels and fits into a JPEG");
         let photo = match lo_imaging::photo_from_bytes(&jpeg, "photo.jpg").map(|file| file.photo) {
             Ok(Photo::Srgb8(photo)) => photo,
             _ => developed,
@@ -101,18 +102,18 @@ impl PhotoSettings {
         Photograph { jpeg, photo, gains }
     }
 
-    /// What the camera sees with its flash, where it has one: `radiance` in units of 100 cd/m².
+    /// Returns the radiance with the camera's flash added, if it has one. `radiance` is in units of 100 cd/m².
     ///
     /// # Panics
-    /// Where the view is not that of the image.
-    pub fn lit(&self, radiance: RadianceImage, view: &DepthView) -> RadianceImage {
+    /// If the view's size differs from the image's.
+    pub fn with_flash(&self, radiance: RadianceImage, view: &DepthView) -> RadianceImage {
         match self.flash_cd {
-            Some(intensity_cd) => with_flash(&radiance, view, intensity_cd),
+            Some(intensity_cd) => add_flash(&radiance, view, intensity_cd),
             None => radiance,
         }
     }
 
-    /// See [`Photograph::gains`].
+    /// Returns the [`Photograph::gains`].
     fn gains(&self, radiance: &RadianceImage) -> [f32; 3] {
         let metering = Metering {
             grey_level: self.grey_level,
@@ -123,7 +124,7 @@ impl PhotoSettings {
         [r * self.white_balance_error[0].exp(), g, b * self.white_balance_error[1].exp()]
     }
 
-    /// Exposed light behind the lens.
+    /// Returns the exposed light behind the lens.
     fn optics(&self, radiance: &RadianceImage, camera: &Camera, gains: [f32; 3]) -> RadianceImage {
         let exposed = RadianceImage::from_fn(radiance.width(), radiance.height(), |x, y| {
             let [r, g, b] = radiance[(x, y)];
@@ -134,12 +135,13 @@ impl PhotoSettings {
         blurred(&exposed, self.blur_px)
     }
 
-    /// Electrons of an output pixel at white.
+    /// Returns the electrons of an output pixel at white.
     fn white_electrons(&self) -> f32 {
         FULL_WELL_E * self.binned_pixels * BASE_ISO / self.iso
     }
 
-    /// Shot noise (Poisson, by a normal distribution of the same variance) and read noise, before the white balance's gain.
+    /// Adds shot noise (Poisson, approximated by a normal distribution of the same variance) and read noise. Both arise
+    /// before the white balance's gain.
     fn add_noise(&self, light: &mut RadianceImage, gains: [f32; 3], stream: &mut Stream) {
         let green = gains[1];
         let electrons = gains.map(|gain| self.white_electrons() * green / gain);
@@ -161,7 +163,7 @@ mod tests {
 
     use super::*;
 
-    /// A camera that adds nothing.
+    /// A camera that changes nothing.
     fn neutral() -> PhotoSettings {
         PhotoSettings {
             grey_level: 0.18,
@@ -194,7 +196,7 @@ mod tests {
         for x in (0..120).step_by(7) {
             let expected = (gradient()[(x, 40)][0] * taken.gains[0]).min(1.0);
             let got = linear_from_srgb8(taken.photo[(x, 40)][0]);
-            // two steps of 8 bits where the sRGB curve is steepest, and JPEG at quality 100
+            // Two steps of 8 bits where the sRGB curve is steepest, and JPEG at quality 100.
             assert!((got - expected).abs() < 0.02, "{x}: {got} instead of {expected}");
         }
         let decoded = lo_imaging::photo_from_bytes(&taken.jpeg, "p.jpg").unwrap().photo;
@@ -213,7 +215,7 @@ mod tests {
     #[test]
     fn noise_has_the_variance_of_its_electrons() {
         let settings = PhotoSettings { iso: 800.0, binned_pixels: 4.0, ..neutral() };
-        // 6000 · 4 · 50 / 800 electrons at white; 4 pixels of 2 electrons each
+        // 6000 · 4 · 50 / 800 electrons at white; 4 pixels of 2 electrons each.
         let (white, read) = (1500.0f32, 16.0f32);
         for level in [0.02f32, 0.2, 0.8] {
             let mut light = RadianceImage::new(300, 200, vec![[level; 3]; 60_000]);
@@ -223,7 +225,8 @@ mod tests {
                 let mean = values.iter().sum::<f64>() / 60_000.0;
                 let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 60_000.0;
                 let expected = f64::from((level * electrons + read) / electrons.powi(2));
-                // the estimate's own deviation is √(2/60000) = 0.6 %; black's clipping takes a little at the lowest level
+                // The estimate's standard deviation is √(2/60000) = 0.6 %; clipping at black removes a little at the
+                // lowest level.
                 assert!((variance / expected - 1.0).abs() < 0.03, "{level}: {variance} instead of {expected}");
                 assert!((mean / f64::from(level) - 1.0).abs() < 0.01);
             }
@@ -237,7 +240,7 @@ mod tests {
         let light = settings.optics(&wall, &camera(), [1.0; 3]);
         let cosine = -camera().direction(0.5, 40.5).z;
         assert!((light[(0, 40)][1] - cosine.powi(4)).abs() < 1e-5);
-        // at the edge of 70° across: cos⁴ 35° = 0.45
+        // At the edge of 70° horizontally: cos⁴ 35° = 0.45.
         assert!((light[(0, 40)][1] - 0.45).abs() < 0.01 && light[(60, 40)][1] > 0.999);
     }
 

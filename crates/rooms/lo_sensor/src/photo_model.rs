@@ -3,41 +3,42 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Interval, PhoneModel, PhotoSettings, ResponseCurve};
 
-/// Cameras and their settings, as ranges: [`PhotoModel::draw`] makes one of them.
+/// Parameter ranges of cameras. [`PhotoModel::draw`] chooses one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PhotoModel {
-    /// Mean level, of white, that the automatic exposure aims at; the grey card is 0.18.
+    /// Target mean level of the automatic exposure, relative to white. The grey card is 0.18.
     pub grey_level: Interval,
-    /// What the exposure is wrong by, in stops.
+    /// Exposure error, in stops.
     pub exposure_error_ev: Interval,
-    /// Share of the picture that may be clipped before the exposure is lowered.
+    /// Share of the image that may be clipped before the exposure is lowered.
     pub highlight_share: Interval,
-    /// Share of the illuminant's colour that the white balance takes out.
+    /// Share of the illuminant's colour that the white balance removes.
     pub white_balance: Interval,
-    /// What the gains of red and of blue are wrong by, as a natural logarithm.
+    /// Error of the red and blue gains, as a natural logarithm.
     pub white_balance_error: Interval,
-    /// Share of the lens' natural falloff (cos⁴ of the angle) that is left after the camera's own correction.
+    /// Share of the lens's natural falloff (cos⁴ of the angle) that remains after in-camera correction.
     pub vignetting: Interval,
-    /// Standard deviation of the blur (lens, defocus, motion, resampling) in pixels of the photo.
+    /// Standard deviation of the blur (lens, defocus, motion, resampling), in pixels of the photo.
     pub blur_px: Interval,
-    /// Sensitivity; uniform in stops.
+    /// ISO sensitivity, uniform in stops.
     pub iso: Interval,
-    /// Sensor pixels that make one pixel of the photo, which is the noise's share of a reduced picture; uniform in stops.
+    /// Sensor pixels per photo pixel, which determine the noise of a downscaled image. Uniform in stops.
     pub binned_pixels: Interval,
     /// JPEG quality, 1 to 100.
     pub jpeg_quality: Interval,
-    /// How often each family of response curves occurs.
+    /// Relative frequency of each family of response curves.
     pub curves: CurveShares,
-    /// What phones do to their pictures.
+    /// Image processing of phones.
     pub phone: PhoneModel,
-    /// Share of photos with a flash, of those whose depth, normals and base colours are known.
+    /// Share of photos with a flash, among those with known depth, normals and base colours.
     pub flash_share: f32,
-    /// Intensity of the flash, candela; uniform in stops. Phones' lamps give 30 to 100 lx at a metre, a compact camera's flash tube does more.
+    /// Intensity of the flash in candela, uniform in stops. Phone lamps give 30 to 100 lx at a metre, a compact
+    /// camera's flash tube more.
     pub flash_cd: Interval,
 }
 
-/// Relative frequencies of the families of [`ResponseCurve`].
+/// Relative frequencies of the [`ResponseCurve`] families.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CurveShares {
@@ -58,7 +59,7 @@ impl Default for CurveShares {
 }
 
 impl Default for PhotoModel {
-    /// Phones and compact cameras in rooms.
+    /// Phones and compact cameras indoors.
     fn default() -> Self {
         Self {
             grey_level: Interval::new(0.14, 0.24),
@@ -109,7 +110,7 @@ impl PhotoModel {
 }
 
 impl CurveShares {
-    /// A family by its share, all alike where no share is positive; then the family's parameter.
+    /// Chooses a family by its share, uniformly if no share is positive, then the family's parameter.
     fn draw(&self, stream: &mut Stream) -> ResponseCurve {
         let mut shares = [self.srgb, self.filmic, self.contrast, self.shoulder].map(|s| s.max(0.0));
         if shares.iter().sum::<f32>() <= 0.0 {
@@ -153,7 +154,7 @@ mod tests {
                         }
                 })
                 .count();
-            // 100 expected, deviation 8.7
+            // 100 expected, standard deviation 8.7
             assert!((65..=135).contains(&count), "family {family}: {count}");
         }
         let phones = PhotoModel {
@@ -163,10 +164,10 @@ mod tests {
         };
         let others: Vec<PhotoSettings> = (0..400).map(|i| phones.draw(&mut lo_random::stream(9, "photo", i))).collect();
         let count = |test: fn(&PhotoSettings) -> bool| others.iter().filter(|d| test(d)).count();
-        // 200 and 100 expected, deviations 10 and 8.7
+        // 200 and 100 expected, standard deviations 10 and 8.7
         let (developed, lit) = (count(|d| d.phone.is_some()), count(|d| d.flash_cd.is_some()));
         assert!((160..=240).contains(&developed) && (65..=135).contains(&lit), "{developed} {lit}");
-        // nothing else differs
+        // Nothing else differs.
         for (one, other) in draws.iter().zip(&others) {
             let error = other.white_balance_error;
             let cast = if other.phone.is_some() { 0.2 } else { 0.0 };

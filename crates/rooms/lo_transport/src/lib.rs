@@ -1,12 +1,11 @@
-//! Light transport in a room of triangles: direct and indirect light baked once into a surface cache, from which views and
-//! octrees are made.
+//! Global illumination for triangle meshes of rooms. Direct and indirect light is baked once into a surface cache.
+//! Views and octrees are made from the cache.
 
 mod bake;
 mod baked;
-mod bright;
+mod components;
 mod error;
 mod exchange;
-mod fineness;
 mod gather;
 mod gbuffer;
 mod light_sampler;
@@ -14,16 +13,17 @@ mod light_tree;
 mod lights;
 mod neighbourhoods;
 mod neighbours;
-mod parts;
 mod pattern;
-mod places;
 mod points;
-mod reach;
+mod reachability;
 pub mod reference;
+mod refinement;
 mod render;
+mod secondary_emitters;
 mod settings;
 mod shade;
 mod sky;
+mod surface_samples;
 mod surfels;
 mod traced_world;
 mod transfer;

@@ -1,65 +1,65 @@
-//! Direct light: emitters, their hierarchy and the sun, sampled at a point.
+//! Sampling of direct light from emitters and the sun.
 
 use std::f32::consts::PI;
 
 use lo_geometry::Vec3;
 use lo_mesh::offset_origin;
 
-use crate::light_tree::{CutNode, Gloss, LightTree};
-use crate::lights::{Emitters, LightSample, Source, luminance};
+use crate::light_tree::{CutNode, GlossyLobe, LightTree};
+use crate::lights::{EmitterShape, Emitters, LightSample, luminance};
 use crate::pattern::{self, shifted};
 use crate::surfels::Surfels;
 use crate::traced_world::TracedWorld;
 
-/// Most parts of a cut.
-pub(crate) const MAX_PARTS: usize = 16;
+/// Maximum number of clusters of a cut.
+pub(crate) const MAX_CLUSTERS: usize = 16;
 
-/// What light is sampled from.
+/// Emitters with their hierarchy.
 pub(crate) struct LightSampler<'a> {
     pub emitters: Emitters,
     pub tree: LightTree,
-    /// Where the emitters are surfaces lit by others: the radiance leaving each surfel, of which emitters hold means.
-    pub surfaces: Option<Surfaces<'a>>,
+    /// For secondary emitters: the radiance leaving each surfel. The emitters hold means of it.
+    pub surfel_radiance: Option<SurfelRadiance<'a>>,
 }
 
 /// Radiance leaving surfels.
-pub(crate) struct Surfaces<'a> {
+pub(crate) struct SurfelRadiance<'a> {
     pub surfels: &'a Surfels,
     pub leaving: Vec<Vec3>,
 }
 
-impl Surfaces<'_> {
-    /// Radiance at a place.
+impl SurfelRadiance<'_> {
+    /// Returns the radiance leaving a point.
     pub(crate) fn radiance(&self, position: Vec3, normal: Vec3, triangle: u32) -> Vec3 {
-        let surfel = self.surfels.nearest(position, normal, self.surfels.part(triangle));
+        let surfel = self.surfels.nearest(position, normal, self.surfels.component(triangle));
         surfel.map_or(Vec3::ZERO, |surfel| self.leaving[surfel as usize])
     }
 }
 
-/// A part of the light, the samples spent on it, and how it is chosen for points nearby.
+/// Cluster of emitters, with the number of samples spent on it and the probabilities for nearby points.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Part {
+pub(crate) struct LightCluster {
     pub node: u32,
     pub samples: f32,
-    /// Running sum of the probabilities of all parts up to and with this one.
+    /// Cumulative probability of all clusters up to and including this one.
     pub cumulative: f32,
 }
 
-/// Direct light at one side of a point.
-pub(crate) struct Direct {
-    /// Lamps and portals.
+/// Direct light on one side of a point.
+pub(crate) struct DirectLight {
+    /// Irradiance by lamps and portals.
     pub irradiance: Vec3,
     pub sun: Vec3,
-    pub parts: Vec<Part>,
+    pub clusters: Vec<LightCluster>,
 }
 
 impl LightSampler<'_> {
     pub(crate) fn new(emitters: Emitters) -> Self {
-        Self { tree: LightTree::build(&emitters.list), emitters, surfaces: None }
+        Self { tree: LightTree::build(&emitters.list), emitters, surfel_radiance: None }
     }
 
-    /// Irradiance at a point, its light cut into parts that are valid within `reach_m`. `gather_rays` is the number of
-    /// cosine-distributed rays that find lamps too: both are weighed by the balance heuristic.
+    /// Returns the irradiance at a point and the light clusters, which are valid within `reach_m`. `gather_rays` is the
+    /// number of cosine-distributed rays that also find lamps. Both strategies are combined by the balance heuristic.
     #[expect(clippy::too_many_arguments, reason = "the state of one point")]
     pub(crate) fn direct(
         &self,
@@ -70,13 +70,13 @@ impl LightSampler<'_> {
         rays: u32,
         gather_rays: u32,
         rotation: [f32; 4],
-    ) -> Direct {
+    ) -> DirectLight {
         let origin = offset_origin(position, normal);
-        let mut cut: Vec<CutNode> = Vec::with_capacity(MAX_PARTS + 1);
-        self.tree.cut(origin, normal, reach_m, MAX_PARTS, &mut cut);
-        let total: f32 = cut.iter().map(|part| part.importance).sum();
+        let mut cut: Vec<CutNode> = Vec::with_capacity(MAX_CLUSTERS + 1);
+        self.tree.cut(origin, normal, reach_m, MAX_CLUSTERS, &mut cut);
+        let total: f32 = cut.iter().map(|cluster| cluster.importance).sum();
         let mut irradiance = Vec3::ZERO;
-        let mut parts = Vec::with_capacity(cut.len());
+        let mut clusters = Vec::with_capacity(cut.len());
         let (mut index, mut running) = (0, 0.0);
         for CutNode { node, importance } in cut {
             let samples = (rays as f32 * importance / total).round().max(1.0);
@@ -102,17 +102,17 @@ impl LightSampler<'_> {
                 let by_gather = if portal { 0.0 } else { gather_rays as f32 * cosine / PI };
                 irradiance += light.radiance * passed * (cosine / (density + by_gather));
             }
-            // Laplace's rule of succession: what no sample saw may yet be seen by a pixel nearby.
+            // Laplace's rule of succession: light that no sample reached may still be visible to a pixel nearby.
             running += importance * (seen + 1.0) / (samples + 2.0);
-            parts.push(Part { node, samples, cumulative: running });
+            clusters.push(LightCluster { node, samples, cumulative: running });
         }
-        for part in &mut parts {
-            part.cumulative /= running;
+        for cluster in &mut clusters {
+            cluster.cumulative /= running;
         }
-        Direct { irradiance, sun: self.sun(world, origin, normal, rotation), parts }
+        DirectLight { irradiance, sun: self.sun(world, origin, normal, rotation), clusters }
     }
 
-    /// A sample of a part of the light and its density per steradian, that of all `samples` together.
+    /// Samples a node. Returns the sample and the density per steradian of all `samples` together.
     pub(crate) fn sample(
         &self,
         world: &TracedWorld,
@@ -126,13 +126,13 @@ impl LightSampler<'_> {
         self.sample_of(world, origin, normal, chosen, [random[1], random[2]], samples * probability)
     }
 
-    /// A sample for what gloss reflects, from all lights.
+    /// Samples all lights for a glossy reflection.
     pub(crate) fn sample_reflected(
         &self,
         world: &TracedWorld,
         origin: Vec3,
         normal: Vec3,
-        gloss: &Gloss,
+        gloss: &GlossyLobe,
         random: [f32; 3],
     ) -> Option<(LightSample, f32)> {
         let u = random[0].min(1.0 - f32::EPSILON);
@@ -140,20 +140,20 @@ impl LightSampler<'_> {
         self.sample_of(world, origin, normal, chosen, [random[1], random[2]], probability)
     }
 
-    /// Density per steradian with which [`LightSampler::sample_reflected`] samples a point of an emitter.
+    /// Returns the density per steradian with which [`LightSampler::sample_reflected`] samples a point of an emitter.
     pub(crate) fn density_reflected(
         &self,
         emitter: u32,
         origin: Vec3,
         normal: Vec3,
-        gloss: &Gloss,
+        gloss: &GlossyLobe,
         sr_per_m2: f32,
     ) -> f32 {
         let probability = self.tree.probability_reflected(emitter, origin, normal, gloss).unwrap_or(0.0);
         probability / (self.emitters.list[emitter as usize].area_m2 * sr_per_m2)
     }
 
-    /// A sample of an emitter that is chosen so often on the average.
+    /// Samples an emitter that is chosen `times` times on average.
     fn sample_of(
         &self,
         world: &TracedWorld,
@@ -165,20 +165,32 @@ impl LightSampler<'_> {
     ) -> Option<(LightSample, f32)> {
         let emitter = &self.emitters.list[chosen as usize];
         let mut light = emitter.sample(world, origin, random)?;
-        if let (Some(surfaces), Source::Triangle { triangle, .. }) = (&self.surfaces, emitter.source) {
+        if let (Some(surfel_radiance), EmitterShape::Triangle { triangle, .. }) = (&self.surfel_radiance, emitter.shape)
+        {
             let side = if light.direction.dot(emitter.normal) < 0.0 { emitter.normal } else { -emitter.normal };
-            light.radiance = surfaces.radiance(origin + light.direction * light.distance_m, side, triangle);
+            light.radiance = surfel_radiance.radiance(origin + light.direction * light.distance_m, side, triangle);
         }
         let density = times / (emitter.area_m2 * light.sr_per_m2);
         (normal.dot(light.direction) > 0.0 && light.radiance != Vec3::ZERO).then_some((light, density))
     }
 
-    /// Density per steradian with which [`LightSampler::direct`] sampled a point of an emitter, all samples together.
-    pub(crate) fn density(&self, parts: &[Part], emitter: u32, origin: Vec3, normal: Vec3, sr_per_m2: f32) -> f32 {
-        self.tree.find(parts.iter().map(|part| part.node), emitter, origin, normal).map_or(0.0, |(at, probability)| {
-            let area = self.emitters.list[emitter as usize].area_m2;
-            parts[at].samples * probability / (area * sr_per_m2)
-        })
+    /// Returns the density per steradian with which [`LightSampler::direct`] samples a point of an emitter, all samples
+    /// together.
+    pub(crate) fn density(
+        &self,
+        clusters: &[LightCluster],
+        emitter: u32,
+        origin: Vec3,
+        normal: Vec3,
+        sr_per_m2: f32,
+    ) -> f32 {
+        self.tree.find(clusters.iter().map(|cluster| cluster.node), emitter, origin, normal).map_or(
+            0.0,
+            |(at, probability)| {
+                let area = self.emitters.list[emitter as usize].area_m2;
+                clusters[at].samples * probability / (area * sr_per_m2)
+            },
+        )
     }
 
     fn sun(&self, world: &TracedWorld, origin: Vec3, normal: Vec3, rotation: [f32; 4]) -> Vec3 {
@@ -202,8 +214,8 @@ impl LightSampler<'_> {
     }
 }
 
-/// Nothing brighter than this many times the mean comes by way of mirrors into the cache.
-pub(crate) fn limited(light: Vec3, most: f32) -> Vec3 {
+/// Clamps light to the luminance `max`.
+pub(crate) fn limited(light: Vec3, max: f32) -> Vec3 {
     let brightness = luminance(light);
-    if brightness > most { light * (most / brightness) } else { light }
+    if brightness > max { light * (max / brightness) } else { light }
 }

@@ -1,5 +1,5 @@
-//! A hierarchy of emitters that tells how much each part of it can give to a point (Conty & Kulla 2018), and cuts through
-//! it (Walter et al. 2005) that split light into parts worth sampling apart.
+//! Light hierarchy that bounds the contribution of each node to a point (Conty & Kulla 2018). Cuts through it (Walter
+//! et al. 2005) split the light into clusters that are sampled separately.
 
 use lo_bsdf::Ggx;
 use lo_geometry::Vec3;
@@ -11,43 +11,43 @@ pub(crate) struct LightTree {
     nodes: Vec<Node>,
     /// Emitters in the order of the leaves.
     order: Vec<u32>,
-    /// Place of each emitter in `order`.
-    place: Vec<u32>,
+    /// Index of each emitter in `order`.
+    leaf_index: Vec<u32>,
 }
 
 struct Node {
     center: Vec3,
     radius_m: f32,
-    /// Directions of light lie within an angle of the axis, both in cosines and sines.
+    /// Emission directions are within an angle of this axis; its cosine is in `cos_spread`.
     axis: Vec3,
     cos_spread: f32,
     weight: f32,
-    /// Places `from..to`.
+    /// Range `from..to` of `order`.
     from: u32,
     to: u32,
-    /// The second child; the first one follows its parent. 0 for leaves.
+    /// Second child. The first child follows its parent. 0 for leaves.
     second: u32,
 }
 
-/// A node of a cut and how much it can give, in units of irradiance's luminance, unshadowed.
+/// Node of a cut, with its importance: an estimate of the luminance of its unshadowed irradiance.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CutNode {
     pub node: u32,
     pub importance: f32,
 }
 
-/// Where a glossy surface reflects a viewer's direction to.
-pub(crate) struct Gloss {
+/// Glossy lobe towards which a surface reflects the viewer's direction.
+pub(crate) struct GlossyLobe {
     pub mirrored: Vec3,
     pub ggx: Ggx,
 }
 
-impl Gloss {
-    /// Share of the peak that even the farthest directions count for: the bound is none.
+impl GlossyLobe {
+    /// Minimum share of the peak: the estimate is not a strict bound.
     const MIN_SHARE: f32 = 1e-3;
 
-    /// About the greatest value of the BRDF towards a node, as a share of its peak.
-    fn most(&self, point: Vec3, node: &Node) -> f32 {
+    /// Returns about the greatest value of the BRDF towards a node, as a share of its peak.
+    fn relative_peak(&self, point: Vec3, node: &Node) -> f32 {
         let offset = node.center - point;
         let distance = offset.length();
         if distance <= node.radius_m {
@@ -55,7 +55,7 @@ impl Gloss {
         }
         let sin_u = node.radius_m / distance;
         let cosine = widened(self.mirrored.dot(offset) / distance, (1.0 - sin_u * sin_u).sqrt(), sin_u);
-        // The half vector turns by half of the angle: 1 − cos² of it.
+        // The half vector rotates by half of the angle: 1 − cos² of it.
         let sin2_half = 0.5 * (1.0 - cosine);
         let alpha2 = self.ggx.alpha() * self.ggx.alpha();
         (alpha2 / (alpha2 + sin2_half * (1.0 - alpha2))).powi(2).max(Self::MIN_SHARE)
@@ -70,34 +70,34 @@ impl LightTree {
         if count > 0 {
             split(emitters, &mut order, 0, &mut nodes);
         }
-        let mut place = vec![u32::MAX; emitters.len()];
+        let mut leaf_index = vec![u32::MAX; emitters.len()];
         for (at, &emitter) in order.iter().enumerate() {
-            place[emitter as usize] = at as u32;
+            leaf_index[emitter as usize] = at as u32;
         }
-        Self { nodes, order, place }
+        Self { nodes, order, leaf_index }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 
-    /// Splits the light into at most `most` parts of like importance for points within `reach_m` of `point` and normals
-    /// near `normal`, into the cleared `cut`; parts that give nothing are left out.
-    pub(crate) fn cut(&self, point: Vec3, normal: Vec3, reach_m: f32, most: usize, cut: &mut Vec<CutNode>) {
+    /// Splits the light into at most `max` clusters of similar importance. Valid for points within `reach_m` of `point`
+    /// and normals near `normal`. Replaces the contents of `cut`; nodes without importance are omitted.
+    pub(crate) fn cut(&self, point: Vec3, normal: Vec3, reach_m: f32, max: usize, cut: &mut Vec<CutNode>) {
         cut.clear();
         if self.is_empty() {
             return;
         }
-        let weighed =
+        let weighted =
             |node: u32| CutNode { node, importance: self.nodes[node as usize].importance(point, normal, reach_m) };
-        cut.extend(Some(weighed(0)).filter(|part| part.importance > 0.0));
-        while cut.len() < most {
-            let total: f32 = cut.iter().map(|part| part.importance).sum();
-            let worth = |part: &CutNode| {
-                let node = &self.nodes[part.node as usize];
+        cut.extend(Some(weighted(0)).filter(|entry| entry.importance > 0.0));
+        while cut.len() < max {
+            let total: f32 = cut.iter().map(|entry| entry.importance).sum();
+            let worth = |entry: &CutNode| {
+                let node = &self.nodes[entry.node as usize];
                 let spread = node.radius_m / (node.center.distance(point) + 1e-6);
-                // What a part may hide of itself: much where it is seen under a wide angle.
-                if node.second == 0 { 0.0 } else { part.importance * spread.min(1.0) }
+                // Nodes seen under a wide angle may be partly occluded.
+                if node.second == 0 { 0.0 } else { entry.importance * spread.min(1.0) }
             };
             let Some((at, gain)) =
                 cut.iter().map(worth).enumerate().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
@@ -108,24 +108,24 @@ impl LightTree {
                 break;
             }
             let node = cut[at].node;
-            let children = [weighed(node + 1), weighed(self.nodes[node as usize].second)];
+            let children = [weighted(node + 1), weighted(self.nodes[node as usize].second)];
             cut.swap_remove(at);
-            cut.extend(children.into_iter().filter(|part| part.importance > 0.0));
+            cut.extend(children.into_iter().filter(|entry| entry.importance > 0.0));
         }
-        cut.sort_unstable_by_key(|part| self.nodes[part.node as usize].from);
+        cut.sort_unstable_by_key(|entry| self.nodes[entry.node as usize].from);
     }
 
-    /// Chooses an emitter of a node for a point by what it can give there, with `u` in [0, 1); also its probability.
+    /// Chooses an emitter below a node by its importance at a point, with `u` in [0, 1). Also returns its probability.
     pub(crate) fn choose(&self, node: u32, u: f32, point: Vec3, normal: Vec3) -> Option<(u32, f32)> {
         self.descend(node, u, |node| node.importance(point, normal, 0.0))
     }
 
-    /// The same for what gloss reflects.
-    pub(crate) fn choose_reflected(&self, u: f32, point: Vec3, normal: Vec3, gloss: &Gloss) -> Option<(u32, f32)> {
+    /// Chooses an emitter by its importance for a glossy reflection.
+    pub(crate) fn choose_reflected(&self, u: f32, point: Vec3, normal: Vec3, gloss: &GlossyLobe) -> Option<(u32, f32)> {
         if self.is_empty() {
             return None;
         }
-        self.descend(0, u, |node| node.importance(point, normal, 0.0) * gloss.most(point, node))
+        self.descend(0, u, |node| node.importance(point, normal, 0.0) * gloss.relative_peak(point, node))
     }
 
     fn descend(&self, mut node: u32, mut u: f32, weight: impl Fn(&Node) -> f32) -> Option<(u32, f32)> {
@@ -145,7 +145,7 @@ impl LightTree {
         Some((self.order[self.nodes[node as usize].from as usize], probability))
     }
 
-    /// Which part of a cut holds the emitter, and the probability to choose it there.
+    /// Returns the index of the cut's node that contains the emitter, and the probability of choosing it there.
     pub(crate) fn find(
         &self,
         cut: impl Iterator<Item = u32>,
@@ -153,39 +153,45 @@ impl LightTree {
         point: Vec3,
         normal: Vec3,
     ) -> Option<(usize, f32)> {
-        let place = self.place[emitter as usize];
-        if place == u32::MAX {
+        let leaf_index = self.leaf_index[emitter as usize];
+        if leaf_index == u32::MAX {
             return None;
         }
-        let inside = |node: u32| (self.nodes[node as usize].from..self.nodes[node as usize].to).contains(&place);
+        let inside = |node: u32| (self.nodes[node as usize].from..self.nodes[node as usize].to).contains(&leaf_index);
         let (at, node) = cut.enumerate().find(|&(_, node)| inside(node))?;
-        let probability = self.probability(node, place, |node| node.importance(point, normal, 0.0))?;
+        let probability = self.probability(node, leaf_index, |node| node.importance(point, normal, 0.0))?;
         Some((at, probability))
     }
 
-    /// Probability with which [`LightTree::choose_reflected`] chooses the emitter.
-    pub(crate) fn probability_reflected(&self, emitter: u32, point: Vec3, normal: Vec3, gloss: &Gloss) -> Option<f32> {
-        let place = self.place[emitter as usize];
-        if place == u32::MAX {
+    /// Returns the probability with which [`LightTree::choose_reflected`] chooses the emitter.
+    pub(crate) fn probability_reflected(
+        &self,
+        emitter: u32,
+        point: Vec3,
+        normal: Vec3,
+        gloss: &GlossyLobe,
+    ) -> Option<f32> {
+        let leaf_index = self.leaf_index[emitter as usize];
+        if leaf_index == u32::MAX {
             return None;
         }
-        self.probability(0, place, |node| node.importance(point, normal, 0.0) * gloss.most(point, node))
+        self.probability(0, leaf_index, |node| node.importance(point, normal, 0.0) * gloss.relative_peak(point, node))
     }
 
-    /// Probability with which [`LightTree::descend`] comes from a node to the leaf at a place below it.
-    fn probability(&self, mut node: u32, place: u32, weight: impl Fn(&Node) -> f32) -> Option<f32> {
+    /// Returns the probability with which [`LightTree::descend`] gets from a node to a leaf.
+    fn probability(&self, mut node: u32, leaf_index: u32, weight: impl Fn(&Node) -> f32) -> Option<f32> {
         let mut probability = 1.0;
         while self.nodes[node as usize].second != 0 {
             let share = self.first_share(node, &weight)?;
             let second = self.nodes[node as usize].second;
-            let in_first = place < self.nodes[second as usize].from;
+            let in_first = leaf_index < self.nodes[second as usize].from;
             probability *= if in_first { share } else { 1.0 - share };
             node = if in_first { node + 1 } else { second };
         }
         Some(probability)
     }
 
-    /// Share of the first child in what a node can give; nothing where neither gives anything.
+    /// Returns the first child's share of a node's importance. `None` if both children have none.
     fn first_share(&self, node: u32, weight: impl Fn(&Node) -> f32) -> Option<f32> {
         let second = self.nodes[node as usize].second;
         let [first, second] = [node + 1, second].map(|n| weight(&self.nodes[n as usize]));
@@ -218,7 +224,7 @@ impl Node {
     }
 }
 
-/// Cosine of an angle that has become smaller by another one, of which cosine and sine are given.
+/// Returns the cosine of an angle reduced by another one, whose cosine and sine are given.
 fn widened(cosine: f32, cos_by: f32, sin_by: f32) -> f32 {
     if cosine >= cos_by {
         return 1.0;
@@ -226,7 +232,7 @@ fn widened(cosine: f32, cos_by: f32, sin_by: f32) -> f32 {
     cosine * cos_by + (1.0 - cosine * cosine).max(0.0).sqrt() * sin_by
 }
 
-/// Appends the node of `order` (which begins at `start`) and what lies below it.
+/// Appends the node of `order` (which begins at `start`) and its descendants.
 fn split(emitters: &[Emitter], order: &mut [u32], start: u32, nodes: &mut Vec<Node>) {
     let index = nodes.len();
     nodes.push(node_around(emitters, order, start));

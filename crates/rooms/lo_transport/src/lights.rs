@@ -1,67 +1,67 @@
-//! Everything that light is sampled from, in pieces: emissive triangles, portals, and sheets that glow from behind.
+//! Emitters that light is sampled from: pieces of emissive triangles, of portals, and of sheets lit from behind.
 
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::Hit;
 
 use crate::traced_world::TracedWorld;
 
-/// A flat piece of a light.
+/// Flat piece of a light.
 #[derive(Clone, Debug)]
 pub(crate) struct Emitter {
     pub corner: Vec3,
     pub edges: [Vec3; 2],
-    /// Unit normal of the front.
+    /// Unit normal of the front side.
     pub normal: Vec3,
     pub area_m2: f32,
     /// Mean radiance leaving the front and the back.
     pub radiance: [Vec3; 2],
-    pub source: Source,
-    /// Gives off what it lets through of the light behind it.
+    pub shape: EmitterShape,
+    /// Whether it emits light transmitted from behind.
     pub sheet: bool,
 }
 
-/// What an emitter is a piece of.
+/// Geometry that an emitter is a piece of.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Source {
-    /// Part of the triangle with these barycentric corners; `textured` where radiance varies over it.
+pub(crate) enum EmitterShape {
+    /// Part of a triangle with these barycentric corners. `textured` if its radiance varies.
     Triangle { triangle: u32, corners: [[f32; 2]; 3], textured: bool },
-    /// Light from outdoors passes a parallelogram.
+    /// Parallelogram through which outdoor light enters.
     Portal,
 }
 
-/// A point of an emitter seen from somewhere.
+/// Sampled point of an emitter, seen from a receiver.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightSample {
-    /// Towards the light, unit length.
+    /// Unit direction towards the light.
     pub direction: Vec3,
-    /// Where visibility ends: at the light, or far away for portals.
+    /// Length of the shadow ray: up to the light, or far away for portals.
     pub distance_m: f32,
     pub radiance: Vec3,
-    /// Solid angle per area at that point: cos / distance².
+    /// Solid angle per area at the point: cos / distance².
     pub sr_per_m2: f32,
-    /// A sheet's, lit from behind.
+    /// Whether the emitter is a sheet lit from behind.
     pub sheet: bool,
 }
 
 impl Emitter {
-    /// Share of the emitter in the choice of one: area times the luminance of both sides.
+    /// Returns the relative sampling weight: area times the luminance of both sides.
     pub(crate) fn weight(&self) -> f32 {
         self.area_m2 * luminance(self.radiance[0] + self.radiance[1])
     }
 
-    /// Corners of the hull.
+    /// Returns the corners of the convex hull.
     pub(crate) fn corners(&self) -> [Vec3; 4] {
         let [a, b] = self.edges;
-        let last = if self.source == Source::Portal { self.corner + a + b } else { self.corner };
+        let last = if self.shape == EmitterShape::Portal { self.corner + a + b } else { self.corner };
         [self.corner, self.corner + a, self.corner + b, last]
     }
 
-    /// The point that belongs to two numbers in [0, 1), all with equal density, as seen from `from`; nothing where the
-    /// light does not shine that way.
+    /// Maps two numbers in [0, 1) to a point of the emitter, uniformly by area, as seen from `from`. `None` where no
+    /// light is emitted towards `from`.
     pub(crate) fn sample(&self, world: &TracedWorld, from: Vec3, [u, v]: [f32; 2]) -> Option<LightSample> {
-        let [a, b] = match self.source {
-            Source::Portal => [u, v],
-            Source::Triangle { .. } => {
+        let [a, b] = match self.shape {
+            EmitterShape::Portal => [u, v],
+            EmitterShape::Triangle { .. } => {
                 let root = u.sqrt();
                 [root * (1.0 - v), root * v]
             }
@@ -79,15 +79,15 @@ impl Emitter {
             return None;
         }
         let sr_per_m2 = cosine.abs() / distance2;
-        let (radiance, distance_m) = match self.source {
-            Source::Portal => (world.sky.radiance(direction), world.far_m),
-            Source::Triangle { triangle, corners: [p, q, r], textured } => {
-                // Stops short of the light itself.
+        let (radiance, distance_m) = match self.shape {
+            EmitterShape::Portal => (world.sky.radiance(direction), world.far_m),
+            EmitterShape::Triangle { triangle, corners: [p, q, r], textured } => {
+                // The shadow ray ends before the light's own surface.
                 let until = distance_m * (1.0 - 1e-4) - 1e-4;
                 let radiance = if textured {
                     let at = |k: usize| p[k] + (q[k] - p[k]) * a + (r[k] - p[k]) * b;
                     let hit = Hit { distance_m, triangle, barycentric: [at(0), at(1)] };
-                    world.surface(&hit, &Ray { origin: from, direction }, 0.0).emission
+                    world.interaction(&hit, &Ray { origin: from, direction }, 0.0).emission
                 } else {
                     self.radiance[side]
                 };
@@ -98,26 +98,26 @@ impl Emitter {
     }
 }
 
-/// All emitters of a world, triangle by triangle.
+/// All emitters of a world, ordered by triangle.
 pub(crate) struct Emitters {
     pub list: Vec<Emitter>,
-    /// Per triangle of the model: first emitter and pieces per edge; 0 pieces where it is no light.
+    /// Per triangle of the model: first emitter and pieces per edge. 0 pieces if it does not emit.
     by_triangle: Vec<(u32, u32)>,
-    /// Per portal: first emitter and pieces along both edges; empty where the sky is dark.
+    /// Per portal: first emitter and pieces along both edges. Empty if the sky is dark.
     by_portal: Vec<(u32, [u32; 2])>,
 }
 
-/// Longest edge of a piece of a lamp.
+/// Maximum edge length of a piece of a lamp.
 const LAMP_PIECE_M: f32 = 0.4;
 
-/// Longest edge of a piece of a portal.
+/// Maximum edge length of a piece of a portal.
 const PORTAL_PIECE_M: f32 = 0.4;
 
-/// Pieces per edge at most: bounds what one huge triangle can cost.
+/// Maximum number of pieces per edge. Bounds the cost of huge triangles.
 const MAX_PIECES: f32 = 40.0;
 
 impl Emitters {
-    /// Emissive triangles and, where the sky gives light, portals.
+    /// Creates emitters for emissive triangles and, if the sky is not dark, portals.
     pub(crate) fn new(world: &TracedWorld) -> Self {
         let mut emitters = Self::none(world);
         for triangle in 0..emitters.by_triangle.len() as u32 {
@@ -129,18 +129,18 @@ impl Emitters {
         emitters
     }
 
-    /// No emitters yet.
+    /// Creates an empty set.
     pub(crate) fn none(world: &TracedWorld) -> Self {
         let by_triangle = vec![(0, 0); world.prepared.model().triangles.len()];
         Self { list: Vec::new(), by_triangle, by_portal: Vec::new() }
     }
 
-    /// Whether a triangle is a light.
+    /// Whether a triangle has emitters.
     pub(crate) fn holds(&self, triangle: u32) -> bool {
         self.by_triangle[triangle as usize].1 > 0
     }
 
-    /// Mean radiance of an emitter on the side of `normal`.
+    /// Returns the mean radiance of an emitter on the side of `normal`.
     pub(crate) fn radiance(&self, emitter: u32, normal: Vec3) -> Vec3 {
         let emitter = &self.list[emitter as usize];
         emitter.radiance[usize::from(emitter.normal.dot(normal) < 0.0)]
@@ -165,7 +165,7 @@ impl Emitters {
                     }
                     let ray = Ray { origin: emitter.corner, direction: -normal };
                     let hit = Hit { distance_m: 0.0, triangle, barycentric: centre };
-                    world.surface(&hit, &ray, if textured { size } else { 0.0 }).emission
+                    world.interaction(&hit, &ray, if textured { size } else { 0.0 }).emission
                 };
                 emitter.radiance = [side(emitter.normal), side(-emitter.normal)];
             },
@@ -173,7 +173,7 @@ impl Emitters {
         );
     }
 
-    /// Cuts a triangle into pieces with edges of `piece_m` at most; `light` fills in their radiance, given the
+    /// Cuts a triangle into pieces with edges of at most `piece_m`. `light` sets the radiance of each, given its
     /// barycentric centre.
     pub(crate) fn push_triangle(
         &mut self,
@@ -196,7 +196,7 @@ impl Emitters {
         for row in 0..pieces as u32 {
             for column in 0..2 * (pieces as u32 - row) - 1 {
                 let (i, j, flip) = (row as f32, (column / 2) as f32, column % 2 == 1);
-                // An upright piece and the one upside down beside it.
+                // An upright piece and the inverted one beside it.
                 let corners = if flip {
                     [[i + 1.0, j + 1.0], [i, j + 1.0], [i + 1.0, j]]
                 } else {
@@ -210,7 +210,7 @@ impl Emitters {
                     normal: cross.normalize(),
                     area_m2: 0.5 * cross.length() / (pieces * pieces),
                     radiance: [Vec3::ZERO; 2],
-                    source: Source::Triangle { triangle, corners, textured },
+                    shape: EmitterShape::Triangle { triangle, corners, textured },
                     sheet: false,
                 };
                 light(&mut emitter, [0, 1].map(|k| corners.iter().map(|p| p[k]).sum::<f32>() / 3.0));
@@ -231,7 +231,7 @@ impl Emitters {
             let [a, b] = opening.portal.edges;
             let basis = lo_geometry::orthonormal_basis(-opening.normal);
             let mean = hemisphere.iter().map(|&d| world.sky.radiance(basis * d)).sum::<Vec3>() / DIRECTIONS as f32;
-            // A sky that is dark in all the directions tried may still have a light.
+            // A sky that is dark in all sampled directions may still contain a light.
             let mean = mean.max(Vec3::splat(1e-6));
             let count = [a, b].map(|edge| (edge.length() / PORTAL_PIECE_M).ceil().clamp(1.0, MAX_PIECES));
             let edges = [a / count[0], b / count[1]];
@@ -244,21 +244,21 @@ impl Emitters {
                     normal: opening.normal,
                     area_m2: edges[0].cross(edges[1]).length(),
                     radiance: [mean, Vec3::ZERO],
-                    source: Source::Portal,
+                    shape: EmitterShape::Portal,
                     sheet: false,
                 });
             }
         }
     }
 
-    /// The emitter at a place of a portal.
+    /// Returns the emitter at a point of a portal.
     pub(crate) fn of_portal(&self, portal: usize, along: [f32; 2]) -> Option<u32> {
         let &(first, count) = self.by_portal.get(portal)?;
         let [column, row] = [0, 1].map(|k| ((along[k] * count[k] as f32) as u32).min(count[k] - 1));
         Some(first + row * count[0] + column)
     }
 
-    /// Which emitter a hit belongs to.
+    /// Returns the emitter that was hit.
     pub(crate) fn of(&self, hit: &Hit) -> Option<u32> {
         let (first, pieces) = self.by_triangle[hit.triangle as usize];
         if pieces == 0 {
@@ -274,7 +274,7 @@ impl Emitters {
     }
 }
 
-/// Luminance by which lights are weighed.
+/// Luminance used for importance weights.
 pub(crate) fn luminance(rgb: Vec3) -> f32 {
     lo_imaging::luminance(rgb.into())
 }

@@ -1,4 +1,4 @@
-//! Surfels near each other.
+//! Neighbourhoods of all surfels.
 
 use lo_geometry::Vec3;
 use rayon::prelude::*;
@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use crate::neighbours::weighted_mean;
 use crate::surfels::Surfels;
 
-/// The neighbours of each surfel, itself among them, found once for many passes.
+/// Neighbours of each surfel, including itself. Found once, used by many filter passes.
 pub(crate) struct Neighbourhoods {
-    /// Surfel `i` has `entries[first[i]..first[i + 1]]`.
+    /// Start of each surfel's entries: surfel `i` has `entries[first[i]..first[i + 1]]`.
     first: Vec<u32>,
     entries: Vec<(u32, f32)>,
 }
@@ -18,7 +18,7 @@ impl Neighbourhoods {
         let near: Vec<Vec<(u32, f32)>> = surfels
             .list
             .par_iter()
-            .map(|surfel| surfels.near(surfel.position, surfel.normal, surfel.part).as_slice().to_vec())
+            .map(|surfel| surfels.near(surfel.position, surfel.normal, surfel.component).as_slice().to_vec())
             .collect();
         let mut first = vec![0];
         first.extend(near.iter().scan(0, |sum, entries| {
@@ -28,12 +28,12 @@ impl Neighbourhoods {
         Self { first, entries: near.concat() }
     }
 
-    /// Neighbours of surfel `i` with their weights.
+    /// Returns the neighbours of surfel `i` with their weights.
     pub(crate) fn of(&self, i: usize) -> &[(u32, f32)] {
         &self.entries[self.first[i] as usize..self.first[i + 1] as usize]
     }
 
-    /// Weighted mean of the neighbours' values.
+    /// Returns the weighted mean of the neighbours' values.
     pub(crate) fn mean(&self, i: usize, values: &[Vec3]) -> Vec3 {
         weighted_mean(self.of(i), |surfel| values[surfel])
     }

@@ -1,9 +1,9 @@
-//! Sample patterns: low-discrepancy points and fixed random rotations of them.
+//! Sample patterns: low-discrepancy sequences and fixed random rotations.
 
 use lo_geometry::Vec2;
 use lo_random::RngExt;
 
-/// Radical inverse in base 3; in [0, 1).
+/// Returns the radical inverse in base 3, in [0, 1).
 pub(crate) fn radical_inverse_3(mut i: u32) -> f32 {
     let (mut value, mut digit) = (0.0, 1.0 / 3.0);
     while i > 0 {
@@ -14,14 +14,14 @@ pub(crate) fn radical_inverse_3(mut i: u32) -> f32 {
     value
 }
 
-/// Point `i` of the R2 sequence (Roberts 2018): powers of the plastic number.
+/// Returns point `i` of the R2 sequence (Roberts 2018), based on powers of the plastic number.
 pub(crate) fn r2(i: u32) -> Vec2 {
-    // In whole numbers of 2⁻³², so that it never loses digits.
+    // Integer arithmetic in units of 2⁻³² keeps full precision for every `i`.
     let at = |step: u32| (i.wrapping_mul(step) >> 8) as f32 / (1 << 24) as f32;
     Vec2::new(at(3_242_174_889), at(2_447_445_414))
 }
 
-/// Fixed random numbers by which patterns are shifted or turned, so that neighbours do not share one.
+/// Fixed random numbers that shift or rotate a pattern per item, so that neighbours do not share one.
 pub(crate) struct Rotations {
     values: Vec<[f32; 4]>,
 }
@@ -34,13 +34,13 @@ impl Rotations {
         Self { values: (0..Self::COUNT).map(|_| std::array::from_fn(|_| stream.random())).collect() }
     }
 
-    /// Four numbers in [0, 1) for item `i`.
+    /// Returns four numbers in [0, 1) for item `i`.
     pub(crate) fn of(&self, i: usize) -> [f32; 4] {
         self.values[i % Self::COUNT]
     }
 }
 
-/// `x + shift`, wrapped into [0, 1).
+/// Returns `x + shift`, wrapped into [0, 1).
 pub(crate) fn shifted(x: f32, shift: f32) -> f32 {
     let sum = x + shift;
     (if sum >= 1.0 { sum - 1.0 } else { sum }).min(1.0 - f32::EPSILON)

@@ -1,7 +1,7 @@
-//! A plain path tracer: no cache, no filter, no approximation but chance. It is slow and serves as the truth.
+//! Reference path tracer without cache, filter or approximation. Slow; serves as ground truth.
 //!
-//! It shares materials and ray casting with [`crate::BakedWorld`], but neither its light sampling nor its transport. Both
-//! leave out what only mirrors throw of the sun's disc onto matte surfaces.
+//! It shares materials and ray casting with [`crate::BakedWorld`], but neither light sampling nor transport. Both omit
+//! caustics of the sun: its light reflected onto matte surfaces by mirrors.
 
 use std::f32::consts::{PI, TAU};
 
@@ -11,26 +11,26 @@ use lo_random::{RngExt, Stream};
 use rayon::prelude::*;
 
 use crate::pattern::{self, shifted};
-use crate::traced_world::{Surface, TracedWorld};
+use crate::traced_world::{SurfaceInteraction, TracedWorld};
 use crate::{TransportError, View, World};
 
-/// Paths are played at dice for their lives from this length on.
-const FIRST_ROULETTE: u32 = 5;
+/// Path length from which Russian roulette applies.
+const MIN_ROULETTE_BOUNCES: u32 = 5;
 
-/// Longest path.
-const LONGEST: u32 = 256;
+/// Maximum path length.
+const MAX_BOUNCES: u32 = 256;
 
-/// Unbiased paths with next-event estimation and multiple importance sampling (Veach 1997).
+/// Unbiased path tracer with next-event estimation and multiple importance sampling (Veach 1997).
 pub struct PathTracer {
     world: TracedWorld,
     lamps: Vec<Lamp>,
-    /// Sum of lamp weights up to and with each lamp.
+    /// Cumulative lamp weights.
     lamp_sums: Vec<f32>,
     portal_area_m2: f32,
     seed: u64,
 }
 
-/// An emissive triangle.
+/// Emissive triangle.
 struct Lamp {
     triangle: u32,
     corners: [Vec3; 3],
@@ -38,16 +38,16 @@ struct Lamp {
     weight: f32,
 }
 
-/// How a ray was chosen at the last surface that scattered light.
+/// Last vertex at which the path scattered.
 #[derive(Clone, Copy)]
-struct Scattering {
-    from: Vec3,
-    /// Density per steradian; nothing for mirrors and eyes.
-    density: Option<f32>,
+struct PathVertex {
+    position: Vec3,
+    /// Density per steradian with which the ray was sampled. `None` for mirrors and the eye.
+    pdf_per_sr: Option<f32>,
 }
 
 impl PathTracer {
-    /// Prepares a world.
+    /// Prepares a world for path tracing. `seed` selects the random streams.
     ///
     /// # Errors
     /// See [`TransportError`].
@@ -73,7 +73,7 @@ impl PathTracer {
         Ok(Self { world, lamps, lamp_sums, portal_area_m2, seed })
     }
 
-    /// Radiance of each pixel, the mean of `samples` paths through random places of it.
+    /// Renders a view. Each pixel is the mean radiance of `samples` paths through random points of it.
     pub fn render(&self, view: &View, samples: u32) -> RadianceImage {
         let (width, height) = view.size();
         let pixel = |i: usize| {
@@ -90,8 +90,8 @@ impl PathTracer {
         Image::new(width, height, (0..width * height).into_par_iter().map(pixel).collect())
     }
 
-    /// Irradiance at a point for a surface with the given unit normal, the mean of `samples` paths. `index` names the
-    /// random stream.
+    /// Returns the irradiance at a point for a surface with the given unit normal, as the mean of `samples` paths.
+    /// `index` selects the random stream.
     pub fn irradiance(&self, point: Vec3, normal: Vec3, samples: u32, index: u64) -> [f32; 3] {
         let mut stream = lo_random::stream(self.seed, "reference irradiance", index);
         let basis = orthonormal_basis(normal);
@@ -100,40 +100,40 @@ impl PathTracer {
             let surface = matte(point, normal);
             sum += self.next_event(&surface, &mut stream) * PI;
             let direction = basis * cosine_direction(&mut stream);
-            let scattering = Scattering { from: point, density: Some(normal.dot(direction).max(0.0) / PI) };
-            sum += self.path(surface.ray(direction), scattering, 1, &mut stream) * PI;
+            let vertex = PathVertex { position: point, pdf_per_sr: Some(normal.dot(direction).max(0.0) / PI) };
+            sum += self.path(surface.ray(direction), vertex, 1, &mut stream) * PI;
         }
         (sum / samples as f32).to_array()
     }
 
-    /// Irradiance as of [`irradiance`](Self::irradiance) by the one path of random stream `index`: in two worlds the same path, as far as it meets the
-    /// same.
+    /// Returns the irradiance as [`irradiance`](Self::irradiance) does, from the single path of random stream `index`.
+    /// In two worlds the paths are identical until they meet a difference.
     pub fn irradiance_by_path(&self, point: Vec3, normal: Vec3, index: u64) -> [f32; 3] {
         self.irradiance(point, normal, 1, index)
     }
 
-    /// Radiance that arrives at the origin of a ray by the one path of random stream `index`.
+    /// Returns the radiance that arrives at the origin of a ray, from the single path of random stream `index`.
     pub fn radiance_by_path(&self, ray: Ray, index: u64) -> [f32; 3] {
         self.radiance(ray, &mut lo_random::stream(self.seed, "reference ray", index)).to_array()
     }
 
-    /// Radiance that arrives along a ray, from one path.
+    /// Returns the radiance along a ray, from one path.
     fn radiance(&self, ray: Ray, stream: &mut Stream) -> Vec3 {
-        self.path(ray, Scattering { from: ray.origin, density: None }, 0, stream)
+        self.path(ray, PathVertex { position: ray.origin, pdf_per_sr: None }, 0, stream)
     }
 
-    fn path(&self, mut ray: Ray, mut last: Scattering, bounces: u32, stream: &mut Stream) -> Vec3 {
+    fn path(&self, mut ray: Ray, mut last: PathVertex, bounces: u32, stream: &mut Stream) -> Vec3 {
         let (mut light, mut throughput) = (Vec3::ZERO, Vec3::ONE);
-        // The sun's disc counts for eyes and mirrors, as long as nothing matte lies between.
+        // The sun's disc counts for the eye and mirrors, unless a matte surface is in between.
         let mut matte_before = bounces > 0;
-        for bounce in bounces..LONGEST {
+        for bounce in bounces..MAX_BOUNCES {
             let Some(hit) = self.world.hit(&ray) else {
                 return light + throughput * self.sky(&ray, last, matte_before);
             };
-            let surface = self.world.surface(&hit, &ray, 0.0);
+            let surface = self.world.interaction(&hit, &ray, 0.0);
             if surface.emission != Vec3::ZERO {
-                let weight = last.density.map_or(1.0, |density| {
-                    let to = surface.position - last.from;
+                let weight = last.pdf_per_sr.map_or(1.0, |density| {
+                    let to = surface.position - last.position;
                     let cosine = surface.geometric_normal.dot(ray.direction).abs();
                     balance(density, self.lamp_density(hit.triangle) * to.length_squared() / cosine.max(1e-6))
                 });
@@ -143,15 +143,15 @@ impl PathTracer {
             let Some((next, weight, density)) = scatter(&surface, stream) else { break };
             throughput *= weight;
             match density {
-                Next::Straight => {}
-                Next::Mirror => last = Scattering { from: surface.position, density: None },
-                Next::Scattered(density) => {
-                    last = Scattering { from: surface.position, density: Some(density) };
+                Continuation::Straight => {}
+                Continuation::Mirror => last = PathVertex { position: surface.position, pdf_per_sr: None },
+                Continuation::Scattered(density) => {
+                    last = PathVertex { position: surface.position, pdf_per_sr: Some(density) };
                     matte_before = true;
                 }
             }
             ray = next;
-            if bounce >= FIRST_ROULETTE {
+            if bounce >= MIN_ROULETTE_BOUNCES {
                 let survival = throughput.max_element().min(0.95);
                 if stream.random::<f32>() >= survival {
                     break;
@@ -162,18 +162,18 @@ impl PathTracer {
         light
     }
 
-    fn sky(&self, ray: &Ray, last: Scattering, matte_before: bool) -> Vec3 {
+    fn sky(&self, ray: &Ray, last: PathVertex, matte_before: bool) -> Vec3 {
         let sky = &self.world.sky;
-        if !sky.is_open(&Ray { origin: last.from, direction: ray.direction }, self.world.far_m) {
+        if !sky.is_open(&Ray { origin: last.position, direction: ray.direction }, self.world.far_m) {
             return Vec3::ZERO;
         }
         let open = sky.radiance(ray.direction);
-        let weight = last.density.map_or(1.0, |density| {
+        let weight = last.pdf_per_sr.map_or(1.0, |density| {
             let portals = sky.portals.iter().map(|opening| {
                 let portal = &opening.portal;
                 let cosine = -ray.direction.dot(opening.normal);
-                let distance = (last.from - portal.corner).dot(opening.normal) / cosine.max(1e-6);
-                let from = Ray { origin: last.from, direction: ray.direction };
+                let distance = (last.position - portal.corner).dot(opening.normal) / cosine.max(1e-6);
+                let from = Ray { origin: last.position, direction: ray.direction };
                 let crosses = cosine > 0.0 && crosses(opening.portal.edges, from.at(distance) - portal.corner);
                 if crosses { distance * distance / (cosine * self.portal_area_m2) } else { 0.0 }
             });
@@ -183,8 +183,8 @@ impl PathTracer {
         open * weight + sun
     }
 
-    /// Light of one sample each of lamps, portals and sun, scattered towards the viewer.
-    fn next_event(&self, surface: &Surface, stream: &mut Stream) -> Vec3 {
+    /// Returns the light of one sample each of lamps, portals and sun, scattered towards the viewer.
+    fn next_event(&self, surface: &SurfaceInteraction, stream: &mut Stream) -> Vec3 {
         if surface.diffuse == Vec3::ZERO && surface.through == Vec3::ZERO && !surface.is_glossy() {
             return Vec3::ZERO;
         }
@@ -205,7 +205,7 @@ impl PathTracer {
             let value = scattered(surface, direction);
             if cosine > 0.0 && value.0 != Vec3::ZERO {
                 let hit = lo_mesh::Hit { distance_m: distance, triangle: lamp.triangle, barycentric };
-                let seen = self.world.surface(&hit, &Ray { origin: surface.position, direction }, 0.0);
+                let seen = self.world.interaction(&hit, &Ray { origin: surface.position, direction }, 0.0);
                 let density = lamp.weight / sum / lamp.area_m2 * distance * distance / cosine;
                 if seen.emission != Vec3::ZERO {
                     let weight = balance(density, value.1) / density;
@@ -229,7 +229,12 @@ impl PathTracer {
         light
     }
 
-    fn portal_event(&self, surface: &Surface, random: [f32; 3], shadowed: &dyn Fn(Vec3, f32) -> Vec3) -> Vec3 {
+    fn portal_event(
+        &self,
+        surface: &SurfaceInteraction,
+        random: [f32; 3],
+        shadowed: &dyn Fn(Vec3, f32) -> Vec3,
+    ) -> Vec3 {
         let mut wanted = random[0] * self.portal_area_m2;
         let portals = &self.world.sky.portals;
         let chosen = portals.iter().find(|opening| {
@@ -250,7 +255,7 @@ impl PathTracer {
         value.0 * radiance * (balance(density, value.1) / density)
     }
 
-    /// Density per area with which points of a triangle are chosen as lights.
+    /// Returns the density per area with which points of a triangle are sampled as lights.
     fn lamp_density(&self, triangle: u32) -> f32 {
         let sum = self.lamp_sums.last().copied().unwrap_or(0.0);
         self.lamps
@@ -259,18 +264,18 @@ impl PathTracer {
     }
 }
 
-/// What a scattered ray is.
-enum Next {
-    /// Goes on as if nothing were there.
+/// How a ray continues at a surface.
+enum Continuation {
+    /// Straight transmission.
     Straight,
-    /// Has no density.
+    /// Mirror reflection, which has no density.
     Mirror,
-    /// Chosen with a density per steradian, of all ways together by which it could have been chosen.
+    /// Sampled with a density per steradian, summed over all lobes that could have produced the direction.
     Scattered(f32),
 }
 
-/// Shares of the ways in which light is scattered, by which one is chosen.
-fn shares(surface: &Surface) -> [f32; 5] {
+/// Returns the sampling shares of transmission, mirror, diffuse, diffuse transmission and gloss.
+fn shares(surface: &SurfaceInteraction) -> [f32; 5] {
     let glossy = if surface.is_glossy() {
         let cosine = surface.normal.dot(surface.view);
         lo_bsdf::specular_albedo(surface.f0, surface.roughness, cosine).max_element() * surface.coverage
@@ -281,21 +286,21 @@ fn shares(surface: &Surface) -> [f32; 5] {
     [all[0], all[1], all[2], all[3], glossy]
 }
 
-fn scatter(surface: &Surface, stream: &mut Stream) -> Option<(Ray, Vec3, Next)> {
+fn scatter(surface: &SurfaceInteraction, stream: &mut Stream) -> Option<(Ray, Vec3, Continuation)> {
     let shares = shares(surface);
     let sum: f32 = shares.iter().sum();
     if sum <= 0.0 {
         return None;
     }
     let mut wanted = stream.random::<f32>() * sum;
-    let way = shares.iter().position(|share| {
+    let lobe = shares.iter().position(|share| {
         wanted -= share;
         wanted < 0.0
     })?;
     let random = Vec2::new(stream.random(), stream.random());
-    let direction = match way {
-        0 => return Some((surface.ray(-surface.view), surface.pass * (sum / shares[0]), Next::Straight)),
-        1 => return Some((surface.ray(surface.mirrored()), surface.mirror * (sum / shares[1]), Next::Mirror)),
+    let direction = match lobe {
+        0 => return Some((surface.ray(-surface.view), surface.pass * (sum / shares[0]), Continuation::Straight)),
+        1 => return Some((surface.ray(surface.mirrored()), surface.mirror * (sum / shares[1]), Continuation::Mirror)),
         2 => orthonormal_basis(surface.normal) * cosine_direction(stream),
         3 => orthonormal_basis(-surface.normal) * cosine_direction(stream),
         _ => {
@@ -307,12 +312,12 @@ fn scatter(surface: &Surface, stream: &mut Stream) -> Option<(Ray, Vec3, Next)> 
     if density <= 0.0 || value == Vec3::ZERO {
         return None;
     }
-    Some((surface.ray(direction), value / density, Next::Scattered(density)))
+    Some((surface.ray(direction), value / density, Continuation::Scattered(density)))
 }
 
-/// BSDF times cosine for light from `direction` without straight and mirrored parts, and the density per steradian with
-/// which [`scatter`] chooses the direction.
-fn scattered(surface: &Surface, direction: Vec3) -> (Vec3, f32) {
+/// Returns BSDF times cosine for light from `direction`, without transmission and mirror, and the density per steradian
+/// with which [`scatter`] samples the direction.
+fn scattered(surface: &SurfaceInteraction, direction: Vec3) -> (Vec3, f32) {
     let shares = shares(surface);
     let sum: f32 = shares.iter().sum();
     let (cosine, side) = (surface.normal.dot(direction), surface.geometric_normal.dot(direction));
@@ -331,7 +336,7 @@ fn scattered(surface: &Surface, direction: Vec3) -> (Vec3, f32) {
     (value, density)
 }
 
-/// The balance heuristic for one sample of each way.
+/// Returns the balance heuristic for one sample of each strategy.
 fn balance(chosen: f32, other: f32) -> f32 {
     chosen / (chosen + other)
 }
@@ -340,7 +345,7 @@ fn area([a, b]: [Vec3; 2]) -> f32 {
     a.cross(b).length()
 }
 
-/// Whether an offset from the corner, in the plane of the edges, lies between them.
+/// Whether an offset from the corner, in the plane of the edges, is inside the parallelogram.
 fn crosses([a, b]: [Vec3; 2], offset: Vec3) -> bool {
     let normal = a.cross(b);
     let scale = 1.0 / normal.length_squared();
@@ -354,9 +359,9 @@ fn cosine_direction(stream: &mut Stream) -> Vec3 {
     Vec3::new(radius2.sqrt() * cos, radius2.sqrt() * sin, (1.0 - radius2).sqrt())
 }
 
-/// A white matte place.
-fn matte(position: Vec3, normal: Vec3) -> Surface {
-    Surface {
+/// Returns a white matte surface.
+fn matte(position: Vec3, normal: Vec3) -> SurfaceInteraction {
+    SurfaceInteraction {
         position,
         geometric_normal: normal,
         normal,

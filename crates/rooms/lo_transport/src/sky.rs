@@ -1,42 +1,42 @@
-//! What lies beyond the windows, and the openings through which it is seen.
+//! The outdoors and the portals through which they are visible.
 
 use lo_geometry::{Ray, Vec3};
 use lo_imaging::RadianceImage;
 
 use crate::{Outdoors, Portal, Sun, TransportError};
 
-/// Outdoors and portals, checked.
+/// Validated outdoors and portals.
 pub(crate) struct Sky {
     map: RadianceImage,
-    /// No texel gives any light.
+    /// Whether the whole map is black.
     dark: bool,
     pub sun: Option<SunDisc>,
-    pub portals: Vec<Opening>,
+    pub portals: Vec<PreparedPortal>,
 }
 
-/// The sun with what sampling it needs.
+/// Sun with precomputed values for sampling.
 pub(crate) struct SunDisc {
     pub sun: Sun,
     cos_radius: f32,
     pub solid_angle_sr: f32,
 }
 
-/// A portal with what tests against it need.
-pub(crate) struct Opening {
+/// Portal with precomputed values for intersection tests.
+pub(crate) struct PreparedPortal {
     pub portal: Portal,
-    /// Into the room.
+    /// Unit normal, pointing into the room.
     pub normal: Vec3,
     /// Dual basis: `offset · duals[k]` is the coordinate along `edges[k]`.
     duals: [Vec3; 2],
 }
 
-/// Where a ray leaves by a portal.
+/// Point where a ray leaves through a portal.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PlaceInPortal {
-    /// Shares of the edges.
+pub(crate) struct PortalCrossing {
+    /// Coordinates along the edges, in [0, 1].
     pub along: [f32; 2],
     pub position: Vec3,
-    /// Between the ray and the way out.
+    /// Cosine between the ray and the outward normal.
     pub cosine: f32,
 }
 
@@ -50,22 +50,22 @@ impl Sky {
             return Err(TransportError::OutdoorsRadiance { pixel, radiance: map.pixels()[pixel] });
         }
         let sun = outdoors.sun.map(SunDisc::new).transpose()?;
-        let open = |(index, &portal)| Opening::new(portal).ok_or(TransportError::Portal { index });
+        let open = |(index, &portal)| PreparedPortal::new(portal).ok_or(TransportError::Portal { index });
         let portals = portals.iter().enumerate().map(open).collect::<Result<_, _>>()?;
         Ok(Self { dark: map.pixels().iter().all(|p| *p == [0.0; 3]), map, sun, portals })
     }
 
-    /// Radiance from a direction without the sun's disc.
+    /// Returns the radiance from a direction, without the sun's disc.
     pub(crate) fn radiance(&self, direction: Vec3) -> Vec3 {
         if self.dark { Vec3::ZERO } else { lo_imaging::sample_equirectangular(&self.map, direction).into() }
     }
 
-    /// Radiance from a direction, the sun's disc included.
+    /// Returns the radiance from a direction, including the sun's disc.
     pub(crate) fn radiance_with_sun(&self, direction: Vec3) -> Vec3 {
         self.radiance(direction) + self.sun_radiance(direction)
     }
 
-    /// Radiance of the sun's disc in a direction.
+    /// Returns the radiance of the sun's disc in a direction.
     pub(crate) fn sun_radiance(&self, direction: Vec3) -> Vec3 {
         let disc = self.sun.as_ref().filter(|sun| sun.covers(direction));
         disc.map_or(Vec3::ZERO, |disc| disc.sun.radiance.into())
@@ -75,20 +75,21 @@ impl Sky {
         self.dark
     }
 
-    /// Whether a ray that meets nothing sees the outdoors: it leaves by a portal, or the world has none and is open.
+    /// Whether a ray that hits nothing sees the outdoors: it leaves through a portal, or the world has none and is
+    /// open.
     pub(crate) fn is_open(&self, ray: &Ray, most_m: f32) -> bool {
-        self.portals.is_empty() || self.leaves_by_portal(ray, most_m)
+        self.portals.is_empty() || self.exits_by_portal(ray, most_m)
     }
 
-    /// Whether the ray leaves the room through a portal within the distance.
-    pub(crate) fn leaves_by_portal(&self, ray: &Ray, most_m: f32) -> bool {
-        self.portal_left(ray, most_m).is_some()
+    /// Whether the ray leaves through a portal within the distance.
+    pub(crate) fn exits_by_portal(&self, ray: &Ray, most_m: f32) -> bool {
+        self.portal_crossing(ray, most_m).is_some()
     }
 
-    /// The portal by which the ray leaves the room within the distance, with the place in it.
-    pub(crate) fn portal_left(&self, ray: &Ray, most_m: f32) -> Option<(usize, PlaceInPortal)> {
-        let place = |(at, opening): (usize, &Opening)| Some((at, opening.leaves_by(ray, most_m)?));
-        self.portals.iter().enumerate().find_map(place)
+    /// Returns the portal through which the ray leaves within the distance, with the crossing point.
+    pub(crate) fn portal_crossing(&self, ray: &Ray, most_m: f32) -> Option<(usize, PortalCrossing)> {
+        let crossing = |(at, opening): (usize, &PreparedPortal)| Some((at, opening.crossing(ray, most_m)?));
+        self.portals.iter().enumerate().find_map(crossing)
     }
 }
 
@@ -109,7 +110,7 @@ impl SunDisc {
         direction.dot(self.sun.direction) >= self.cos_radius
     }
 
-    /// Direction of the point of the disc that belongs to two random numbers in [0, 1), all with equal density.
+    /// Maps two random numbers in [0, 1) to a direction, uniformly over the disc.
     pub(crate) fn direction(&self, [a, b]: [f32; 2]) -> Vec3 {
         let rise = (1.0 - self.cos_radius) * a;
         let radius = (rise * (2.0 - rise)).sqrt();
@@ -118,7 +119,7 @@ impl SunDisc {
     }
 }
 
-impl Opening {
+impl PreparedPortal {
     fn new(portal: Portal) -> Option<Self> {
         let [a, b] = portal.edges;
         let cross = a.cross(b);
@@ -131,7 +132,7 @@ impl Opening {
         (duals.iter().all(|d| d.is_finite()) && normal.is_finite()).then_some(Self { portal, normal, duals })
     }
 
-    fn leaves_by(&self, ray: &Ray, most_m: f32) -> Option<PlaceInPortal> {
+    fn crossing(&self, ray: &Ray, most_m: f32) -> Option<PortalCrossing> {
         let approach = ray.direction.dot(self.normal);
         if approach >= 0.0 {
             return None;
@@ -143,11 +144,11 @@ impl Opening {
         let offset = ray.at(distance_m) - self.portal.corner;
         let along = self.duals.map(|dual| offset.dot(dual));
         let inside = along.iter().all(|share| (0.0..=1.0).contains(share));
-        inside.then_some(PlaceInPortal { along, position: ray.at(distance_m), cosine: -approach })
+        inside.then_some(PortalCrossing { along, position: ray.at(distance_m), cosine: -approach })
     }
 }
 
-/// Finite and not negative.
+/// Whether radiance is finite and not negative.
 pub(crate) fn is_light(rgb: [f32; 3]) -> bool {
     rgb.iter().all(|v| v.is_finite() && *v >= 0.0)
 }
@@ -159,16 +160,16 @@ mod tests {
 
     #[test]
     fn portals_are_left_from_inside_only() {
-        // A skewed parallelogram in the plane z = −2 whose normal is +Z.
+        // A skewed parallelogram in the plane z = −2 with normal +Z.
         let portal = Portal { corner: Vec3::new(0.0, 0.0, -2.0), edges: [Vec3::X, Vec3::new(0.5, 1.0, 0.0)] };
-        let opening = Opening::new(portal).unwrap();
+        let opening = PreparedPortal::new(portal).unwrap();
         let leaves = |x, y, z: f32| {
-            opening.leaves_by(&Ray { origin: Vec3::new(x, y, 0.0), direction: Vec3::new(0.0, 0.0, z) }, 10.0).is_some()
+            opening.crossing(&Ray { origin: Vec3::new(x, y, 0.0), direction: Vec3::new(0.0, 0.0, z) }, 10.0).is_some()
         };
         assert!(leaves(0.5, 0.5, -1.0) && leaves(1.2, 0.9, -1.0) && !leaves(0.2, 0.9, -1.0));
         assert!(!leaves(0.5, 0.5, 1.0));
         let near = Ray { origin: Vec3::new(0.5, 0.5, 0.0), direction: Vec3::NEG_Z };
-        assert!(opening.leaves_by(&near, 1.9).is_none());
+        assert!(opening.crossing(&near, 1.9).is_none());
     }
 
     #[test]

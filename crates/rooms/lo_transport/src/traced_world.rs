@@ -1,4 +1,4 @@
-//! The world made ready for rays: what a ray meets, what passes it, what the surface there does with light.
+//! World prepared for ray casting: intersections, transmittance and materials.
 
 use std::ops::ControlFlow;
 
@@ -9,78 +9,79 @@ use lo_mesh::{AlphaMode, Hit, Material, PreparedModel, offset_origin};
 use crate::sky::{Sky, is_light};
 use crate::{TransportError, World};
 
-/// No coordinate may be larger, so that nothing overflows.
+/// Largest absolute coordinate, so that nothing overflows.
 const FARTHEST_M: f32 = 1e4;
 
 /// Geometry, materials and sky.
 pub(crate) struct TracedWorld {
     pub prepared: PreparedModel,
     pub sky: Sky,
-    /// Per material: nothing passes straight through it.
+    /// Per material: whether nothing passes straight through it.
     solid: Vec<bool>,
-    /// Longer than any way inside the model.
+    /// Length beyond any distance within the model.
     pub far_m: f32,
 }
 
-/// A surface as light from one side sees it.
+/// Point of a surface with its material, as seen by a viewer on one side.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Surface {
+pub(crate) struct SurfaceInteraction {
     pub position: Vec3,
-    /// Of the triangle, towards the viewer.
+    /// Triangle normal, towards the viewer.
     pub geometric_normal: Vec3,
-    /// Towards the viewer.
+    /// Shading normal, towards the viewer.
     pub normal: Vec3,
     /// Unit vector towards the viewer.
     pub view: Vec3,
     pub base_color: Vec3,
-    /// Share of irradiance that leaves diffusely on the viewer's side, below the specular layer.
+    /// Share of irradiance reflected diffusely to the viewer's side, below the specular layer.
     pub diffuse: Vec3,
-    /// Share of the other side's irradiance that leaves diffusely on the viewer's side.
+    /// Share of the other side's irradiance transmitted diffusely to the viewer's side.
     pub through: Vec3,
-    /// Specular reflectance at normal incidence; zero for panes, which have [`Surface::mirror`] alone.
+    /// Specular reflectance at normal incidence. 0 for panes, which only have [`SurfaceInteraction::mirror`].
     pub f0: Vec3,
     pub roughness: f32,
-    /// Share of light that arrives straight from behind.
+    /// Share of light transmitted straight from behind.
     pub pass: Vec3,
-    /// Share of light that arrives from the mirrored direction.
+    /// Share of light reflected from the mirrored direction.
     pub mirror: Vec3,
-    /// Radiance given off towards the viewer.
+    /// Radiance emitted towards the viewer.
     pub emission: Vec3,
-    /// Share of the place that the surface covers; all but [`Surface::f0`] has it inside.
+    /// Share of the area that the surface covers (alpha). All shares but [`SurfaceInteraction::f0`] include it.
     pub coverage: f32,
-    /// The whole is a clear pane.
+    /// Whether this is a clear pane.
     pub pane: bool,
     pub triangle: u32,
 }
 
-impl Surface {
-    /// Microfacets of its gloss.
+impl SurfaceInteraction {
+    /// Returns the microfacet distribution of its gloss.
     pub(crate) fn ggx(&self) -> Ggx {
         Ggx::from_roughness(self.roughness)
     }
 
-    /// BRDF of its gloss times the cosine of the light's direction, per steradian, without [`Surface::coverage`].
+    /// Returns the glossy BRDF times the cosine of the light's direction, per steradian, without
+    /// [`SurfaceInteraction::coverage`].
     pub(crate) fn gloss_cos(&self, light: Vec3) -> Vec3 {
         lo_bsdf::specular_cos(self.f0, self.ggx(), self.normal, self.view, light)
     }
 
-    /// Density per steradian with which [`Ggx::sample`] chooses a direction for its gloss.
+    /// Returns the density per steradian with which [`Ggx::sample`] chooses a direction.
     pub(crate) fn gloss_pdf_per_sr(&self, light: Vec3) -> f32 {
         self.ggx().pdf_per_sr(self.normal, self.view, light)
     }
 
-    /// Whether it has a specular reflection with some width.
+    /// Whether it has a glossy (non-mirror) specular reflection.
     pub(crate) fn is_glossy(&self) -> bool {
         self.f0 != Vec3::ZERO
     }
 
-    /// Start of a ray that leaves towards `direction`.
+    /// Returns a ray that leaves the surface towards `direction`.
     pub(crate) fn ray(&self, direction: Vec3) -> Ray {
         let side = if direction.dot(self.geometric_normal) < 0.0 { -1.0 } else { 1.0 };
         Ray { origin: offset_origin(self.position, self.geometric_normal * side), direction }
     }
 
-    /// The view mirrored at the normal, kept on the viewer's side of the triangle.
+    /// Returns the mirrored view direction, kept on the viewer's side of the triangle.
     pub(crate) fn mirrored(&self) -> Vec3 {
         let direction = 2.0 * self.view.dot(self.normal) * self.normal - self.view;
         let below = direction.dot(self.geometric_normal).min(0.0);
@@ -120,26 +121,26 @@ impl TracedWorld {
         self.prepared.intersect_both_sides(ray, self.far_m)
     }
 
-    /// Share of light that comes straight along the ray within the distance.
+    /// Returns the share of light transmitted straight along the ray within the distance.
     pub(crate) fn transmittance(&self, ray: &Ray, most_m: f32) -> Vec3 {
         let mut passed = Vec3::ONE;
         self.prepared.crossings(ray, most_m, |hit| {
             let material = self.prepared.model().triangle_materials[hit.triangle as usize] as usize;
-            passed = if self.solid[material] { Vec3::ZERO } else { passed * self.surface(hit, ray, 0.0).pass };
+            passed = if self.solid[material] { Vec3::ZERO } else { passed * self.interaction(hit, ray, 0.0).pass };
             if passed == Vec3::ZERO { ControlFlow::Break(()) } else { ControlFlow::Continue(most_m) }
         });
         passed
     }
 
-    /// Material at a hit; `footprint_m` is the width of what the ray stands for there.
-    pub(crate) fn surface(&self, hit: &Hit, ray: &Ray, footprint_m: f32) -> Surface {
+    /// Evaluates the material at a hit. `footprint_m` is the width of the ray's footprint.
+    pub(crate) fn interaction(&self, hit: &Hit, ray: &Ray, footprint_m: f32) -> SurfaceInteraction {
         let model = self.prepared.model();
         let material = &model.materials[model.triangle_materials[hit.triangle as usize] as usize];
         let point = model.surface(hit, ray.direction, footprint_m);
         let base = Vec3::from(point.base_color).clamp(Vec3::ZERO, Vec3::ONE);
         let view = -ray.direction;
         let cosine = point.shading_normal.dot(view).clamp(0.0, 1.0);
-        let mut surface = Surface {
+        let mut surface = SurfaceInteraction {
             position: point.position,
             geometric_normal: point.geometric_normal,
             normal: point.shading_normal,
@@ -164,7 +165,7 @@ impl TracedWorld {
             surface.emission = Vec3::from(point.emissive) * point.alpha;
         }
         let clear = if point.metallic < 1.0 { material.transmission.clamp(0.0, 1.0) } else { 0.0 };
-        // Share of the light that gets below the specular layer and is not absorbed by metal.
+        // Share of the light that passes the specular layer and is not absorbed by metal.
         let mut below = base * ((1.0 - point.metallic) * point.alpha);
         if clear > 0.0 {
             let reflected = pane_reflectance(cosine);
@@ -188,13 +189,13 @@ impl TracedWorld {
         surface
     }
 
-    /// Whether a triangle gives off light of its own.
+    /// Whether a triangle has an emissive material.
     pub(crate) fn is_lamp(&self, triangle: u32) -> bool {
         let model = self.prepared.model();
         model.materials[model.triangle_materials[triangle as usize] as usize].emissive != [0.0; 3]
     }
 
-    /// Whether a triangle's emission leaves on the side of `normal`.
+    /// Whether a triangle emits on the side of `normal`.
     pub(crate) fn gives_off(&self, triangle: u32, normal: Vec3) -> bool {
         let model = self.prepared.model();
         let material = &model.materials[model.triangle_materials[triangle as usize] as usize];

@@ -1,36 +1,36 @@
 use lo_geometry::{Camera, Quat, Ray, Vec2, Vec3};
 use lo_imaging::{DepthMap, Image, RadianceImage};
 
-/// Where a camera stands.
+/// Position and orientation of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// World position, metres.
+    /// World position, in metres.
     pub position: Vec3,
-    /// World direction = rotation · camera direction; the camera looks along −Z, +Y is up in the picture.
+    /// World direction = rotation · camera direction. The camera looks along −Z, +Y is up in the image.
     pub rotation: Quat,
 }
 
-/// What to render.
+/// View to render.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum View {
-    /// A photo.
+    /// Perspective image.
     Pinhole {
-        /// Where it is taken from.
+        /// Pose of the camera.
         pose: Pose,
-        /// Lens and size.
+        /// Intrinsics and image size.
         camera: Camera,
     },
-    /// An equirectangular panorama, twice as wide as high.
+    /// Equirectangular panorama, twice as wide as high.
     Panorama {
-        /// Where it is taken from.
+        /// Pose of the camera.
         pose: Pose,
-        /// Pixels from zenith to nadir.
+        /// Image height in pixels, from zenith to nadir.
         height: usize,
     },
 }
 
 impl View {
-    /// Width and height in pixels.
+    /// Returns width and height in pixels.
     pub fn size(&self) -> (usize, usize) {
         match self {
             Self::Pinhole { camera, .. } => (camera.width as usize, camera.height as usize),
@@ -38,14 +38,14 @@ impl View {
         }
     }
 
-    /// Where it is taken from.
+    /// Returns the pose of the camera.
     pub fn pose(&self) -> &Pose {
         match self {
             Self::Pinhole { pose, .. } | Self::Panorama { pose, .. } => pose,
         }
     }
 
-    /// The ray through a place of the image, in pixels (centres at +0.5).
+    /// Returns the ray through an image point, in pixels (pixel centres at +0.5).
     pub fn ray(&self, u: f32, v: f32) -> Ray {
         let direction = match self {
             Self::Pinhole { camera, .. } => camera.direction(f64::from(u), f64::from(v)),
@@ -57,8 +57,8 @@ impl View {
         Ray { origin: pose.position, direction: (pose.rotation * direction).normalize() }
     }
 
-    /// The same with so many times as many pixels each way.
-    pub(crate) fn finer(&self, times: usize) -> Self {
+    /// Returns the view with `times` as many pixels along each axis.
+    pub(crate) fn supersampled(&self, times: usize) -> Self {
         match *self {
             Self::Pinhole { pose, camera } => {
                 let times = times as u32;
@@ -68,12 +68,12 @@ impl View {
         }
     }
 
-    /// Whether the left edge goes on at the right one.
+    /// Whether the left and right edges are adjacent.
     pub(crate) fn wraps(&self) -> bool {
         matches!(self, Self::Panorama { .. })
     }
 
-    /// Where a place of the world lies in the image, in pixels (centres at +0.5); nothing behind a camera.
+    /// Projects a world position to the image, in pixels (pixel centres at +0.5). `None` behind the camera.
     pub(crate) fn pixel(&self, position: Vec3) -> Option<Vec2> {
         let pose = self.pose();
         let local = pose.rotation.conjugate() * (position - pose.position);
@@ -86,7 +86,7 @@ impl View {
         }
     }
 
-    /// Angle between neighbouring pixels in the middle of the image, radians.
+    /// Returns the angle between neighbouring pixels in the middle of the image, in radians.
     pub fn pixel_angle_rad(&self) -> f32 {
         match self {
             Self::Pinhole { camera, .. } => camera.pixel_angle_rad(),
@@ -94,7 +94,7 @@ impl View {
         }
     }
 
-    /// What the depth map holds for a surface at `distance_m` along the ray of direction `direction`.
+    /// Returns the depth-map value of a surface at `distance_m` along the unit `direction`.
     pub(crate) fn depth_m(&self, distance_m: f32, direction: Vec3) -> f32 {
         match self {
             Self::Pinhole { pose, .. } => distance_m * direction.dot(pose.rotation * Vec3::NEG_Z),
@@ -103,18 +103,18 @@ impl View {
     }
 }
 
-/// A rendered view; all images have its size.
+/// Rendered view. All images have the view's size.
 #[derive(Clone, Debug)]
 pub struct RenderedView {
-    /// Linear radiance, in the world's units, anti-aliased.
+    /// Linear radiance in the world's units, anti-aliased.
     pub radiance: RadianceImage,
-    /// Metres: along the optical axis (pinhole) or from the centre (panorama), of the first surface that is not a
-    /// clear pane, at the pixel's centre; 0 where there is none.
+    /// Depth in metres of the first surface that is not a clear pane, at the pixel's centre. Along the optical axis
+    /// (pinhole) or from the centre (panorama). 0 where there is no surface.
     pub depth_m: DepthMap,
-    /// Unit shading normals in camera axes, towards the camera; 0 where there is no surface.
+    /// Unit shading normals in camera axes, towards the camera. 0 where there is no surface.
     pub normal: Image<[f32; 3]>,
-    /// Diffuse or specular base colour.
+    /// Base colour, diffuse or specular.
     pub albedo: Image<[f32; 3]>,
-    /// Whether the first surface is a clear pane or a mirror: no depth sensor measures these rightly.
+    /// Whether the first surface is a clear pane or a mirror, which depth sensors cannot measure.
     pub specular: Image<bool>,
 }

@@ -1,7 +1,7 @@
 //! Three photos of a room, 120° apart, against one: gain in accuracy of light outside the first photo.
 
 use lo_cone::OctreeRenderer;
-use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot, seen_mask};
+use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot, observed_mask};
 use lo_estimate::{EstimateOptions, Estimator, Exposures, Input};
 use lo_eval::{EstimatedLight, MethodOutput, Scorer, Scores, Tracer, coherence};
 use lo_geometry::{Quat, RigidTransform, Vec3};
@@ -111,7 +111,7 @@ fn ceiling(record: &Record, scene: lo_scene::Estimate) -> Scores {
             let back = other.rotation.inverse();
             let position_m = back * (first.rotation * view.position_m + first.position_m - other.position_m);
             let rotation = back * first.rotation * view.rotation;
-            seen_mask(&record.sample(shot), &NovelView { position_m, rotation, ..view.clone() }).unwrap()
+            observed_mask(&record.sample(shot), &NovelView { position_m, rotation, ..view.clone() }).unwrap()
         };
         let masks: Vec<Vec<bool>> = (1..record.shots.len()).map(mask).collect();
         for (pixel, truth) in view.radiance.pixels().iter().enumerate() {
@@ -128,7 +128,7 @@ fn ceiling(record: &Record, scene: lo_scene::Estimate) -> Scores {
 /// Scores a panorama, and its seen and unseen parts.
 fn view_scores(sample: &Sample, view: &NovelView, got: &RadianceImage) -> Scores {
     let angles = solid_angles_sr(got.width(), got.height());
-    let seen = seen_mask(sample, view).unwrap();
+    let seen = observed_mask(sample, view).unwrap();
     let mut scores = Scores::default();
     for (name, part) in [("psnr_db", None), ("seen_psnr_db", Some(true)), ("unseen_psnr_db", Some(false))] {
         let weight = |(&angle, &seen): (&f32, &bool)| if part.is_none_or(|part| part == seen) { angle } else { 0.0 };

@@ -252,5 +252,5 @@ fn what_cannot_be_trained_is_said() {
     );
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     let empty = DataConfig { folder: Some(folder.path().join("empty")), ..DataConfig::default() };
-    assert!(message(&TrainConfig { data: empty, ..config() }, &request).contains("none of the layouts"));
+    assert!(message(&TrainConfig { data: empty, ..config() }, &request).contains("unknown dataset layout"));
 }

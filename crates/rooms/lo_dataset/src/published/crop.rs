@@ -11,7 +11,7 @@ use lo_octree::{Provenance, RadiancePoint};
 use crate::sample::Metadata;
 use crate::{NovelView, Record, Shot};
 
-/// Photos made of panoramas: which part of the sphere, and with what camera.
+/// Cropping of photos from panoramas: directions and cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CropModel {
@@ -19,22 +19,22 @@ pub struct CropModel {
     pub width: u32,
     /// Height of a photo in pixels.
     pub height: u32,
-    /// Height of the panoramas that are given out.
+    /// Height of the returned panoramas.
     pub panorama_height: usize,
-    /// Photos of each panorama, in all directions.
+    /// Photos per panorama, in directions all around.
     pub crops: u32,
-    /// Horizontal field of view.
+    /// Horizontal field of view, in degrees.
     pub hfov_deg: Interval,
-    /// Upward pitch.
+    /// Pitch in degrees, positive upwards.
     pub pitch_deg: Interval,
-    /// Roll.
+    /// Roll, in degrees.
     pub roll_deg: Interval,
-    /// The camera.
+    /// Photo camera.
     pub photo: PhotoModel,
-    /// Whether all photos are as blurred as one by the longest lens of `hfov_deg`, for which the panorama has the fewest pixels: else sharpness tells
-    /// the lens.
+    /// Whether all photos get the same sharpness: that of the longest lens of `hfov_deg`, for which the panorama has
+    /// the fewest pixels. Otherwise sharpness reveals the lens.
     pub even_sharpness: bool,
-    /// Seed of all choices.
+    /// Seed of all random choices.
     pub seed: u64,
 }
 
@@ -55,18 +55,18 @@ impl Default for CropModel {
     }
 }
 
-/// A panorama and what is known of the same directions; all of one size.
-pub(super) struct Surroundings<'a> {
+/// Panorama with further maps of the same directions. All have the same size.
+pub(super) struct PanoramaMaps<'a> {
     pub radiance: &'a RadianceImage,
-    /// Distance, metres.
+    /// Distance in metres.
     pub depth_m: Option<&'a DepthMap>,
-    /// Distance of the surfaces where light comes from, without a hole; may be another than that of what is seen.
+    /// Distance of the surfaces that light comes from, without holes. May differ from the distance of visible surfaces.
     pub enclosure_m: Option<&'a DepthMap>,
     pub albedo: Option<&'a RadianceImage>,
 }
 
-impl Surroundings<'_> {
-    /// A point for each pixel whose surface is known.
+impl PanoramaMaps<'_> {
+    /// Returns a surface point for each pixel with known distance.
     fn points(&self) -> Vec<RadiancePoint> {
         let Some(enclosure_m) = self.enclosure_m else { return Vec::new() };
         let (width, height) = (enclosure_m.width(), enclosure_m.height());
@@ -81,26 +81,26 @@ impl Surroundings<'_> {
 }
 
 impl CropModel {
-    /// Crop number `crop` of the panorama `id`: a room with that photo and the panorama as truth where the camera stands.
+    /// Makes crop number `crop` of the panorama `id`: a record with that photo, and the panorama as ground truth at the
+    /// camera.
     ///
-    /// The choices depend on the id, not on the panorama's place in the folder.
-    pub(super) fn take(&self, id: &str, scene_id: String, crop: usize, around: &Surroundings) -> Record {
+    /// The random choices depend on the id, not on the panorama's index in the folder.
+    pub(super) fn crop(&self, id: &str, scene_id: String, crop: usize, maps: &PanoramaMaps) -> Record {
         let mut stream = lo_random::stream(self.seed ^ lo_random::hash(id.as_bytes()), "crop", crop as u64);
         let camera = self.camera(&mut stream);
-        // crops lie around the circle, so that a few of them show all of the room
+        // Crops are spread around the circle, so that a few of them cover the whole room.
         let yaw = std::f32::consts::TAU * (crop as f32 + stream.random::<f32>()) / self.crops.max(1) as f32;
         let [pitch, roll] = [self.pitch_deg, self.roll_deg].map(|angle| angle.draw(&mut stream).to_radians());
         let rotation = view_rotation(yaw, pitch, roll);
-        let seen = perspective_from_equirectangular(around.radiance, &camera, rotation);
+        let seen = perspective_from_equirectangular(maps.radiance, &camera, rotation);
         let mut settings = self.photo.draw(&mut stream);
         if self.even_sharpness {
-            settings.blur_px = settings.blur_px.hypot(self.missing_blur_px(&camera, around.radiance.width()));
+            settings.blur_px = settings.blur_px.hypot(self.missing_blur_px(&camera, maps.radiance.width()));
         }
         let taken = settings.photograph(&seen, &camera, &mut stream);
         let [r, g, b] = taken.gains;
-        let depth_m = around
-            .depth_m
-            .map(|depth| lookup(depth, &camera, rotation, |&distance, direction| distance * -direction.z));
+        let depth_m =
+            maps.depth_m.map(|depth| lookup(depth, &camera, rotation, |&distance, direction| distance * -direction.z));
         let shot = Shot {
             position_m: Vec3::ZERO,
             rotation: Quat::from_mat3(&rotation),
@@ -112,7 +112,7 @@ impl CropModel {
             depth_m,
             sensor_depth_m: None,
             normal: None,
-            albedo: around.albedo.map(|albedo| lookup(albedo, &camera, rotation, |&rgb, _| rgb)),
+            albedo: maps.albedo.map(|albedo| lookup(albedo, &camera, rotation, |&rgb, _| rgb)),
             views: vec![0],
             metadata: Metadata::from_iter([
                 ("gains".to_owned(), serde_json::json!(taken.gains)),
@@ -122,10 +122,10 @@ impl CropModel {
         let view = NovelView {
             position_m: Vec3::ZERO,
             rotation: Quat::IDENTITY,
-            radiance: resize_equirectangular(around.radiance, 2 * self.panorama_height, self.panorama_height),
-            depth_m: around.depth_m.map(|depth| {
+            radiance: resize_equirectangular(maps.radiance, 2 * self.panorama_height, self.panorama_height),
+            depth_m: maps.depth_m.map(|depth| {
                 let (width, height) = (2 * self.panorama_height, self.panorama_height);
-                // nearest: depths of two surfaces must not be mixed
+                // Nearest neighbour: depths of two surfaces must not be mixed.
                 Image::from_fn(width, height, |x, y| {
                     depth[((2 * x + 1) * depth.width() / (2 * width), (2 * y + 1) * depth.height() / (2 * height))]
                 })
@@ -135,7 +135,7 @@ impl CropModel {
             key: if self.crops > 1 { format!("{id}-{crop}") } else { id.to_owned() },
             scene_id,
             up: Some(Vec3::Y),
-            points: around.points(),
+            points: maps.points(),
             point_area_m2: None,
             views: vec![view],
             shots: vec![shot],
@@ -143,8 +143,8 @@ impl CropModel {
         }
     }
 
-    /// Standard deviation of the blur, in pixels, that makes a photo as soft in its middle as one by the longest lens: a pixel of the panorama is taken for a
-    /// box.
+    /// Returns the standard deviation of the blur, in pixels, that makes a photo as soft in its middle as one by the
+    /// longest lens. A panorama's pixel is modelled as a box.
     fn missing_blur_px(&self, camera: &Camera, panorama_width: usize) -> f32 {
         let pixel_px = |camera: &Camera| camera.fx * std::f64::consts::TAU / panorama_width as f64;
         let (widest, own) = (pixel_px(&self.camera_of(self.hfov_deg.low().into())), pixel_px(camera));
@@ -158,11 +158,12 @@ impl CropModel {
     fn camera_of(&self, hfov_deg: f64) -> Camera {
         let hfov_deg = hfov_deg.clamp(5.0, 150.0);
         Camera::from_hfov_deg(hfov_deg, self.width.max(1), self.height.max(1))
-            .expect("a field of view between 5° and 150° and a picture of at least a pixel make a camera")
+            .expect("a field of view of 5° to 150° and at least one pixel make a valid camera")
     }
 }
 
-/// A pixel's value of an equirectangular map and its direction in the camera's axes → the photo's pixel; nearest, without mixing.
+/// Resamples an equirectangular map to a photo, by nearest neighbour. `value` receives the map's value and the
+/// direction in camera axes.
 fn lookup<T, U>(map: &Image<T>, camera: &Camera, rotation: Mat3, value: impl Fn(&T, Vec3) -> U) -> Image<U> {
     Image::from_fn(camera.width as usize, camera.height as usize, |x, y| {
         let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
@@ -170,7 +171,7 @@ fn lookup<T, U>(map: &Image<T>, camera: &Camera, rotation: Mat3, value: impl Fn(
     })
 }
 
-/// The pixel of an equirectangular map in a direction.
+/// Returns the pixel of an equirectangular map in a direction.
 pub(super) fn pixel_at<T>(map: &Image<T>, direction: Vec3) -> (usize, usize) {
     let uv = uv_from_direction(direction);
     let index = |t: f32, count: usize| ((t * count as f32) as usize).min(count - 1);

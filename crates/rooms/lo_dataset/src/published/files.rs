@@ -1,4 +1,4 @@
-//! Looking into folders.
+//! Directory listings and panorama files.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use lo_imaging::{RadianceImage, read_radiance};
 
 use crate::DatasetError;
 
-/// What lies in a folder, sorted by name: a dataset's order must not be the file system's.
+/// Returns the entries of a folder sorted by name, so that a dataset's order does not depend on the file system.
 pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(DatasetError::io(folder))? {
@@ -16,30 +16,30 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     Ok(paths)
 }
 
-/// The folders in a folder, sorted by name.
+/// Returns the subfolders of a folder, sorted by name.
 pub(super) fn folders(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     Ok(entries(folder)?.into_iter().filter(|path| path.is_dir()).collect())
 }
 
-/// Last part of a path as text.
+/// Returns the last component of a path.
 pub(super) fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// File name without extension as text.
+/// Returns the file name without extension.
 pub(super) fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Whether the extension says HDR picture.
+/// Whether the extension is that of an HDR image.
 pub(super) fn is_hdr(path: &Path) -> bool {
     path.extension().is_some_and(|e| ["hdr", "exr", "pfm"].iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
-/// An equirectangular HDR map. Light that is no number or negative, as lossy files hold it, counts as 0.
+/// Reads an equirectangular HDR map. NaN, infinite and negative values, which occur in lossy files, become 0.
 ///
 /// # Errors
-/// A picture that is not twice as wide as high.
+/// If the image is not twice as wide as high.
 pub(super) fn read_panorama(path: &Path) -> Result<RadianceImage, DatasetError> {
     let map = read_radiance(path)?;
     if map.width() != 2 * map.height() || map.height() == 0 {

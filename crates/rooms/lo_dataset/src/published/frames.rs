@@ -9,26 +9,27 @@ use super::files::stem;
 use crate::sample::Metadata;
 use crate::{Dataset, DatasetError, Sample};
 
-/// What a folder of frames lists them in.
+/// File that lists a folder's frames.
 const LIST: &str = "frames.json";
 
-/// Photos with measured depth: a `.json` file, or a folder with a `frames.json`, that holds a list of
+/// Photos with measured depth: a `.json` file, or a folder with a `frames.json`, that contains a list of
 ///
 /// ```json
-/// {"color": "a.jpg", "depth": "a.png", "depth_scale": 5000, "intrinsics": [517.3, 516.5, 318.6, 255.3], "room": "office"}
+/// {"color": "a.jpg", "depth": "a.png", "depth_scale": 5000,
+///  "intrinsics": [517.3, 516.5, 318.6, 255.3], "room": "office"}
 /// ```
 ///
-/// Files are beside the list. `depth_scale` is how many units of the depth picture are a metre, 0 in it no reading; `intrinsics` are the photo's
-/// (fx, fy, cx, cy in pixels), with which depth is registered. Other keys are not looked at. What was measured counts as true depth; nothing is known of
-/// the room's light.
+/// Paths are relative to the list. `depth_scale` is the number of depth units per metre; 0 means no reading.
+/// `intrinsics` are the photo's (fx, fy, cx, cy in pixels), with which depth is registered. Other keys are ignored.
+/// Measured depth is used as true depth. The room's light is unknown.
 #[derive(Debug)]
 pub struct Frames {
     list: PathBuf,
-    frames: Vec<Listed>,
+    frames: Vec<FrameEntry>,
 }
 
 #[derive(Debug, Deserialize)]
-struct Listed {
+struct FrameEntry {
     color: PathBuf,
     depth: PathBuf,
     depth_scale: f64,
@@ -37,7 +38,7 @@ struct Listed {
 }
 
 impl Frames {
-    /// Whether a path looks like such a list or a folder with one.
+    /// Whether a path is such a list or a folder with one.
     pub(crate) fn is_at(path: &Path) -> bool {
         path.extension().is_some_and(|extension| extension == "json") || path.join(LIST).is_file()
     }
@@ -45,18 +46,18 @@ impl Frames {
     /// Reads the list.
     ///
     /// # Errors
-    /// A list that cannot be read, is none, or is empty.
+    /// If the list cannot be read, is invalid, or is empty.
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
         let list = if path.is_dir() { path.join(LIST) } else { path.to_owned() };
         let text = std::fs::read_to_string(&list).map_err(DatasetError::io(&list))?;
-        let frames: Vec<Listed> =
+        let frames: Vec<FrameEntry> =
             serde_json::from_str(&text).map_err(|error| DatasetError::field(&list, "frames", error))?;
         if frames.is_empty() {
-            return Err(DatasetError::field(&list, "frames", "there are none"));
+            return Err(DatasetError::field(&list, "frames", "the list is empty"));
         }
         if let Some(wrong) = frames.iter().find(|frame| !(frame.depth_scale > 0.0 && frame.depth_scale.is_finite())) {
             let field = format!("depth_scale of {}", wrong.color.display());
-            return Err(DatasetError::field(&list, field, format!("{} units are no metre", wrong.depth_scale)));
+            return Err(DatasetError::field(&list, field, format!("{} is not positive and finite", wrong.depth_scale)));
         }
         Ok(Self { list, frames })
     }

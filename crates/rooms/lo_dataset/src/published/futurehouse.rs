@@ -5,25 +5,25 @@ use lo_geometry::{Quat, Vec3, pixel_direction};
 use lo_imaging::{DepthMap, Image, RadianceImage, read_radiance};
 use lo_random::seq::SliceRandom;
 
-use super::crop::{CropModel, Surroundings, pixel_at};
+use super::crop::{CropModel, PanoramaMaps, pixel_at};
 use super::files::{entries, folders, name, read_panorama};
 use crate::{Dataset, DatasetError, NovelView, Record, Sample};
 
-/// Metres of a unit in `_depth.hdr`: the authors' reader multiplies by 10 / 2.
+/// Metres per unit of `_depth.hdr`: the authors' reader multiplies by 10 / 2.
 const METRES: f32 = 5.0;
-/// Farthest depth that the authors' reader takes as valid.
+/// Largest depth that the authors' reader accepts.
 const FARTHEST_M: f32 = 10.0;
-/// Height of a probe in `_light.exr`, which is a grid of them.
+/// Height of a probe in `_light.exr`, which contains a grid of probes.
 const PROBE_HEIGHT: usize = 16;
-/// Most probes of a sample.
+/// Maximum number of probes per sample.
 const PROBES: usize = 6;
 
-/// FutureHouse (Li et al., "PhyIR", CVPR 2022) as its authors' reader (`DataSet.py` of the dataset's repository) finds it:
-/// `<id>/ue4_result/CubemapData/<i>_{image,albedo,depth,…}.hdr`, equirectangular, and `<id>/ue4_result/LightProbeData/<i>_light.exr`, either
-/// in one folder or below `KePanoData` and `KePanoLight`.
+/// FutureHouse (Li et al., "PhyIR", CVPR 2022), in the layout of its authors' reader (`DataSet.py` of the dataset's
+/// repository): `<id>/ue4_result/CubemapData/<i>_{image,albedo,depth,…}.hdr`, equirectangular, and
+/// `<id>/ue4_result/LightProbeData/<i>_light.exr`. Both are in one folder, or below `KePanoData` and `KePanoLight`.
 ///
-/// Photos are cut out of the panoramas. The truth is the panorama at the camera and, where there are probes, up to six of them that lie in
-/// the photo.
+/// Photos are cropped from the panoramas. The ground truth is the panorama at the camera and up to six probes in the
+/// photo, if there are any.
 #[derive(Debug)]
 pub struct FutureHouse {
     panoramas: Vec<Panorama>,
@@ -45,10 +45,10 @@ impl FutureHouse {
             || folders(folder).is_ok_and(|houses| houses.iter().take(50).any(|h| h.join("ue4_result").is_dir()))
     }
 
-    /// Looks for panoramas.
+    /// Opens the panoramas of a folder.
     ///
     /// # Errors
-    /// Folders that cannot be read, no panorama at all.
+    /// If a folder cannot be read, or there is no panorama.
     pub fn open(folder: &Path, model: CropModel) -> Result<Self, DatasetError> {
         let (data, light) = match folder.join("KePanoData") {
             split if split.is_dir() => (split, folder.join("KePanoLight")),
@@ -69,7 +69,7 @@ impl FutureHouse {
             }
         }
         if panoramas.is_empty() {
-            return Err(DatasetError::layout(&data, "no <id>/ue4_result/CubemapData/<i>_image.hdr in it"));
+            return Err(DatasetError::layout(&data, "contains no <id>/ue4_result/CubemapData/<i>_image.hdr"));
         }
         Ok(Self { panoramas, model })
     }
@@ -101,14 +101,14 @@ impl Dataset for FutureHouse {
         } else {
             None
         };
-        let around =
-            Surroundings { radiance: &radiance, depth_m: Some(&depth_m), enclosure_m: None, albedo: albedo.as_ref() };
+        let maps =
+            PanoramaMaps { radiance: &radiance, depth_m: Some(&depth_m), enclosure_m: None, albedo: albedo.as_ref() };
         let id = format!("{}-{}", panorama.house, panorama.number);
-        let mut record = self.model.take(&id, panorama.house.clone(), index % self.crops(), &around);
+        let mut record = self.model.crop(&id, panorama.house.clone(), index % self.crops(), &maps);
         if let Some(light) = &panorama.light {
             add_probes(light, &depth_m, self.model.seed, &mut record)?;
         }
-        Ok(record.sample(0))
+        Ok(record.into_sample())
     }
 }
 
@@ -126,7 +126,7 @@ impl Panorama {
             _ => 0.0,
         });
         if depth_m.pixels().iter().all(|&z| z == 0.0) {
-            return Err(DatasetError::field(&path, "depth", "no value in (0, 2], which is 0 to 10 m"));
+            return Err(DatasetError::field(&path, "depth", "no value within (0, 2], which is 0 to 10 m"));
         }
         Ok(depth_m)
     }
@@ -137,18 +137,19 @@ fn check_size(path: &Path, image: &RadianceImage, like: &RadianceImage) -> Resul
     if size == expected {
         return Ok(());
     }
-    let reason = format!("{} × {} pixels, the panorama has {} × {}", size.0, size.1, expected.0, expected.1);
+    let reason = format!("{} × {} pixels, but the panorama has {} × {}", size.0, size.1, expected.0, expected.1);
     Err(DatasetError::field(path, "size", reason))
 }
 
-/// Adds probes that the photo shows. Probe (column, row) of the grid stands at the surface that the panorama's pixel at the same place shows.
+/// Adds the probes that the photo observes. Probe (column, row) of the grid is at the surface seen by the panorama's
+/// pixel at the same relative position.
 fn add_probes(path: &Path, depth_m: &DepthMap, seed: u64, record: &mut Record) -> Result<(), DatasetError> {
     let light = read_radiance(path)?;
     let (width, height) = (light.width(), light.height());
     let (columns, rows) = (width / (2 * PROBE_HEIGHT), height / PROBE_HEIGHT);
     if columns == 0 || rows == 0 || width % (2 * PROBE_HEIGHT) != 0 || height % PROBE_HEIGHT != 0 {
         let reason =
-            format!("{width} × {height} pixels are no grid of probes of {} × {PROBE_HEIGHT}", 2 * PROBE_HEIGHT);
+            format!("{width} × {height} pixels are not a grid of probes of {} × {PROBE_HEIGHT}", 2 * PROBE_HEIGHT);
         return Err(DatasetError::field(path, "size", reason));
     }
     let shot = &record.shots[0];
@@ -170,13 +171,13 @@ fn add_probes(path: &Path, depth_m: &DepthMap, seed: u64, record: &mut Record) -
         if record.views.len() > PROBES {
             break;
         }
-        // the grid's probes are half a turn from the panorama: their centre column looks back
+        // The grid's probes are rotated by 180° from the panorama: their centre column looks backwards.
         let probe = Image::from_fn(2 * PROBE_HEIGHT, PROBE_HEIGHT, |x, y| {
             let x = (x + PROBE_HEIGHT) % (2 * PROBE_HEIGHT);
             light[(column * 2 * PROBE_HEIGHT + x, row * PROBE_HEIGHT + y)]
                 .map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 })
         });
-        // version 1 of the probes leaves those of the top and bottom faces black
+        // In version 1, the probes of the top and bottom faces are black.
         if probe.pixels().iter().flatten().all(|&v| v == 0.0) {
             continue;
         }

@@ -9,18 +9,19 @@ use super::files::{entries, folders, name, stem};
 use crate::sample::Metadata;
 use crate::{Dataset, DatasetError, NovelView, Record, Sample, Shot};
 
-/// Where the camera files of HD1 to HD6 lie.
+/// Folder with the camera files of HD1 to HD6.
 const GROUND_TRUTH: &str = "GroundTruth_HD1-HD6";
-/// Height of the panoramas that are given out; they are stored with 1500 rows.
+/// Height of the returned panoramas. They are stored with 1500 rows.
 const PANORAMA_HEIGHT: usize = 128;
-/// Most panoramas of a sample, its own one included.
+/// Maximum number of panoramas per sample, including its own.
 const VIEWS: usize = 6;
 
 /// InteriorNet (Li et al., BMVC 2018), HD1 to HD7.
 ///
-/// A sequence is a folder with `cam0/data/*.png` and `depth0/data/*.png` (16-bit, millimetres along the ray) and maybe `cam0_pano/data/*.png`
-/// (equirectangular sRGB). Its cameras are in `cam0.ccam`, in the folder itself or, for `HDn/<scene>/<light>_<t>_<t>`, in
-/// `GroundTruth_HD1-HD6/<scene>/velocity_angular_<t>_<t>`. The panoramas are 8-bit: light beyond white is lost in them.
+/// A sequence is a folder with `cam0/data/*.png`, `depth0/data/*.png` (16-bit, millimetres along the ray) and
+/// optionally `cam0_pano/data/*.png` (equirectangular sRGB). Its cameras are in `cam0.ccam`, either in the folder
+/// itself or, for `HDn/<scene>/<light>_<t>_<t>`, in `GroundTruth_HD1-HD6/<scene>/velocity_angular_<t>_<t>`. The
+/// panoramas are 8-bit, so radiance above white is clipped.
 #[derive(Debug)]
 pub struct InteriorNet {
     sequences: Vec<Sequence>,
@@ -34,7 +35,7 @@ struct Sequence {
     scene: String,
     id: String,
     frames: Vec<Frame>,
-    /// Index of the frames that have a panorama.
+    /// Indices of the frames that have a panorama.
     panoramas: Vec<usize>,
 }
 
@@ -46,12 +47,12 @@ struct Frame {
     pinhole: Pinhole,
 }
 
-/// A line of `cam0.ccam`.
+/// Camera of one line of `cam0.ccam`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Pinhole {
     camera: Camera,
     position_m: Vec3,
-    /// World from camera; the camera looks along −Z, +Y is up in the picture.
+    /// World from camera. The camera looks along −Z, +Y is up in the image.
     rotation: Quat,
 }
 
@@ -61,17 +62,18 @@ impl InteriorNet {
         folder.join(GROUND_TRUTH).is_dir() || sequence_folders(folder).is_ok_and(|found| !found.is_empty())
     }
 
-    /// Looks for sequences: in the folder itself, its scenes, or the scenes of its `HD1` … `HD7`.
+    /// Opens the sequences of the folder itself, its scenes, or the scenes of its `HD1` … `HD7`.
     ///
     /// # Errors
-    /// Folders that cannot be read, sequences without cameras or with another number of pictures, lines that are no camera.
+    /// If a folder cannot be read, a sequence has no cameras or a different number of images, or a line is not a
+    /// camera.
     pub fn open(folder: &Path, seed: u64) -> Result<Self, DatasetError> {
         let mut sequences = Vec::new();
         for path in sequence_folders(folder)? {
             sequences.push(Sequence::open(folder, &path)?);
         }
         if sequences.is_empty() {
-            return Err(DatasetError::layout(folder, "no sequence with cam0/data and depth0/data in it"));
+            return Err(DatasetError::layout(folder, "contains no sequence with cam0/data and depth0/data"));
         }
         let numbered = sequences.iter().enumerate();
         let samples =
@@ -80,7 +82,7 @@ impl InteriorNet {
     }
 }
 
-/// Folders that hold a sequence, at most three levels down.
+/// Finds the folders of sequences, at most three levels down.
 fn sequence_folders(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     let mut found = Vec::new();
     let mut level = vec![folder.to_owned()];
@@ -104,13 +106,13 @@ impl Sequence {
         let text = std::fs::read_to_string(&cameras).map_err(DatasetError::io(&cameras))?;
         let pinholes = parse_cameras(&cameras, &text)?;
         let photos = pictures(&path.join("cam0").join("data"))?;
-        // frames that were left out of an archive keep their numbers
+        // Frames that were left out of an archive keep their numbers.
         let numbers: Option<Vec<usize>> = photos.iter().map(|photo| stem(photo).parse().ok()).collect();
         let numbers = match numbers {
             Some(numbers) if numbers.iter().all(|&number| number < pinholes.len()) => numbers,
             _ if photos.len() == pinholes.len() => (0..photos.len()).collect(),
             _ => {
-                let reason = format!("{} cameras for {} pictures in {}", pinholes.len(), photos.len(), path.display());
+                let reason = format!("{} cameras for {} images in {}", pinholes.len(), photos.len(), path.display());
                 return Err(DatasetError::field(&cameras, "lines", reason));
             }
         };
@@ -129,7 +131,7 @@ impl Sequence {
             })
             .collect();
         let panoramas = (0..frames.len()).filter(|&i| frames[i].panorama.is_some()).collect();
-        // `<scene>/<light>_<t>_<t>` or, in HD7, the scene itself
+        // `<scene>/<light>_<t>_<t>` or, in HD7, the scene itself.
         let parent = path.parent().map(name).unwrap_or_default();
         let (scene, id) = match trajectory(&name(path)) {
             Some(_) => (parent.clone(), format!("{parent}-{}", name(path))),
@@ -139,7 +141,7 @@ impl Sequence {
     }
 }
 
-/// `<t>_<t>` of `<light>_<t>_<t>`.
+/// Returns the `<t>_<t>` of `<light>_<t>_<t>`.
 fn trajectory(folder: &str) -> Option<&str> {
     folder.strip_prefix("original_").or_else(|| folder.strip_prefix("random_"))
 }
@@ -151,7 +153,7 @@ fn cameras_file(root: &Path, path: &Path) -> Result<PathBuf, DatasetError> {
     }
     let scene = path.parent().map(name).unwrap_or_default();
     let shared = trajectory(&name(path)).map(|t| {
-        // the ground truth lies beside the HDn folders, or was put into one of them
+        // The ground truth is beside the HDn folders or within one of them.
         let below =
             |base: &Path| base.join(GROUND_TRUTH).join(&scene).join(format!("velocity_angular_{t}")).join("cam0.ccam");
         path.ancestors()
@@ -161,12 +163,12 @@ fn cameras_file(root: &Path, path: &Path) -> Result<PathBuf, DatasetError> {
             .find(|f| f.is_file())
     });
     shared.flatten().ok_or_else(|| {
-        let reason = format!("no cam0.ccam, neither here nor in {GROUND_TRUTH}/{scene}/velocity_angular_…");
+        let reason = format!("no cam0.ccam here or in {GROUND_TRUTH}/{scene}/velocity_angular_…");
         DatasetError::layout(path, reason)
     })
 }
 
-/// The pictures of a folder in the order of their numbers, or of their names where they have none.
+/// Returns the images of a folder in the order of their numbers, or of their names if they have none.
 fn pictures(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     let mut paths: Vec<PathBuf> =
         entries(folder)?.into_iter().filter(|p| p.extension().is_some_and(|e| e == "png")).collect();
@@ -174,8 +176,8 @@ fn pictures(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     Ok(paths)
 }
 
-/// Lines of 15 numbers: focal length, principal point, three distortion coefficients, orientation w x y z, position x y z, width, height.
-/// Comments and the line with the count are skipped.
+/// Parses lines of 15 numbers: focal length, principal point (2), distortion (3), orientation w x y z, position x y z,
+/// width, height. Comments and the line with the count are skipped.
 fn parse_cameras(path: &Path, text: &str) -> Result<Vec<Pinhole>, DatasetError> {
     let mut pinholes = Vec::new();
     for (number, line) in text.lines().enumerate() {
@@ -186,21 +188,21 @@ fn parse_cameras(path: &Path, text: &str) -> Result<Vec<Pinhole>, DatasetError> 
         let wrong = |reason: String| DatasetError::field(path, format!("line {}", number + 1), reason);
         let mut values = [0.0f64; 15];
         if words.len() < values.len() {
-            return Err(wrong(format!("{} numbers, 15 are needed", words.len())));
+            return Err(wrong(format!("{} numbers; expected 15", words.len())));
         }
         for (value, word) in values.iter_mut().zip(&words) {
             *value = word
                 .parse()
                 .ok()
                 .filter(|v: &f64| v.is_finite())
-                .ok_or_else(|| wrong(format!("`{word}` is no number")))?;
+                .ok_or_else(|| wrong(format!("`{word}` is not a number")))?;
         }
         let [f, cx, cy, _, _, _, w, x, y, z, px, py, pz, width, height] = values;
         let camera =
             Camera::new(f, f, cx, cy, width as u32, height as u32).map_err(|error| wrong(error.to_string()))?;
         let rotation = Quat::from_xyzw(x as f32, y as f32, z as f32, w as f32);
         if (rotation.length() - 1.0).abs() > 0.01 {
-            return Err(wrong(format!("the orientation {w} {x} {y} {z} is no unit quaternion")));
+            return Err(wrong(format!("the orientation {w} {x} {y} {z} is not a unit quaternion")));
         }
         let position_m = Vec3::new(px as f32, py as f32, pz as f32);
         pinholes.push(Pinhole { camera, position_m, rotation: rotation.normalize() });
@@ -267,12 +269,12 @@ impl Dataset for InteriorNet {
             shots: vec![shot],
             metadata: Metadata::new(),
         };
-        Ok(record.sample(0))
+        Ok(record.into_sample())
     }
 }
 
 impl Frame {
-    /// Depth along the axis, of the stored distance along the ray.
+    /// Reads the depth along the optical axis, converted from the stored distance along the ray.
     fn depth(&self) -> Result<DepthMap, DatasetError> {
         let camera = &self.pinhole.camera;
         let distance = read_depth(&self.depth, Some(1000.0))?;
@@ -282,7 +284,7 @@ impl Frame {
         }))
     }
 
-    /// The panorama at this frame's place, as linear light; its axes are the camera's.
+    /// Reads the panorama at this frame's position as linear radiance. Its axes are the camera's.
     fn view(&self) -> Result<Option<NovelView>, DatasetError> {
         let Some(path) = &self.panorama else { return Ok(None) };
         let map: RadianceImage = Photo::Srgb8(read_srgb(path)?).into_radiance();
@@ -296,7 +298,7 @@ impl Frame {
     }
 }
 
-/// Whether another frame's place lies in a frame's picture and before its surfaces.
+/// Whether another frame's position projects into a frame's photo and is in front of its surfaces.
 fn sees(frame: &Frame, depth_m: &DepthMap, other: &Frame) -> bool {
     let local = frame.pinhole.rotation.inverse() * (other.pinhole.position_m - frame.pinhole.position_m);
     frame.pinhole.camera.project(local).is_some_and(|(u, v, z)| {
@@ -319,6 +321,6 @@ fn check_size(path: &Path, width: usize, height: usize, camera: &Camera) -> Resu
     if (width as u32, height as u32) == (camera.width, camera.height) {
         return Ok(());
     }
-    let reason = format!("{width} × {height} pixels, cam0.ccam says {} × {}", camera.width, camera.height);
+    let reason = format!("{width} × {height} pixels, but cam0.ccam has {} × {}", camera.width, camera.height);
     Err(DatasetError::field(path, "size", reason))
 }

@@ -10,16 +10,18 @@ use super::files::{folders, name, read_panorama};
 use crate::sample::Metadata;
 use crate::{Dataset, DatasetError, NovelView, Record, Sample, Shot};
 
-/// Describes a scene's files.
+/// File that describes a scene's files.
 const SCENE: &str = "scene.json";
-/// Height of the panoramas that are given out.
+/// Height of the returned panoramas.
 const PANORAMA_HEIGHT: usize = 128;
 
-/// The Laval spatially varying test set (Garon et al. 2019): per scene an HDR photo and HDR light probes at places in it.
+/// Laval spatially varying test set (Garon et al. 2019): per scene an HDR photo and HDR light probes at positions in
+/// it.
 ///
-/// Each folder `<scene>/` holds a `scene.json` that names the photo and the probes, which the published archive does not have: its file names
-/// could not be verified, so they are not guessed. `{"photo": "crop.exr", "hfov_deg": 60, "probes": [{"file": "probe0.exr", "u": 210, "v": 190,
-/// "depth_m": 2.1}]}`; `u` and `v` in pixels of the photo, pixel centres at +0.5; depth along the optical axis.
+/// Each folder `<scene>/` needs a `scene.json` that names the photo and the probes. The published archive does not
+/// contain it; its file names could not be verified and are not guessed. Example: `{"photo": "crop.exr", "hfov_deg":
+/// 60, "probes": [{"file": "probe0.exr", "u": 210, "v": 190, "depth_m": 2.1}]}`. `u` and `v` are pixels of the photo
+/// with centres at +0.5; depth is along the optical axis.
 #[derive(Debug)]
 pub struct LavalVarying {
     scenes: Vec<PathBuf>,
@@ -50,14 +52,14 @@ impl LavalVarying {
         folders(folder).is_ok_and(|scenes| scenes.iter().any(|scene| scene.join(SCENE).is_file()))
     }
 
-    /// Looks for scenes; `photo` makes the LDR photos, from `seed`.
+    /// Opens the scenes of a folder. LDR photos are made with `photo` and `seed`.
     ///
     /// # Errors
-    /// A folder that cannot be read or holds no scene.
+    /// If the folder cannot be read or contains no scene.
     pub fn open(folder: &Path, photo: PhotoModel, seed: u64) -> Result<Self, DatasetError> {
         let scenes: Vec<PathBuf> = folders(folder)?.into_iter().filter(|scene| scene.join(SCENE).is_file()).collect();
         if scenes.is_empty() {
-            return Err(DatasetError::layout(folder, format!("no <scene>/{SCENE} in it")));
+            return Err(DatasetError::layout(folder, format!("contains no <scene>/{SCENE}")));
         }
         Ok(Self { scenes, photo, seed })
     }
@@ -80,7 +82,7 @@ impl Dataset for LavalVarying {
             serde_json::from_slice(&text).map_err(|error| DatasetError::field(&path, "description", error))?;
         let seen: RadianceImage = read_radiance(folder.join(&scene.photo))?;
         if seen.width().max(seen.height()) > usize::from(u16::MAX) {
-            let reason = format!("{} × {} pixels are more than a JPEG holds", seen.width(), seen.height());
+            let reason = format!("{} × {} pixels exceed the limit of JPEG", seen.width(), seen.height());
             return Err(DatasetError::field(&folder.join(&scene.photo), "size", reason));
         }
         let camera = Camera::from_hfov_deg(scene.hfov_deg, seen.width() as u32, seen.height() as u32)
@@ -92,9 +94,9 @@ impl Dataset for LavalVarying {
             if !(probe.depth_m > 0.0 && probe.depth_m.is_finite()) {
                 return Err(wrong("depth_m", format!("{} is not positive", probe.depth_m)));
             }
-            for (field, value, most) in [("u", probe.u, camera.width), ("v", probe.v, camera.height)] {
-                if !(0.0..=f64::from(most)).contains(&value) {
-                    return Err(wrong(field, format!("{value} lies outside of the photo's {most} pixels")));
+            for (field, value, max) in [("u", probe.u, camera.width), ("v", probe.v, camera.height)] {
+                if !(0.0..=f64::from(max)).contains(&value) {
+                    return Err(wrong(field, format!("{value} is outside the photo's {max} pixels")));
                 }
             }
             let map = read_panorama(&folder.join(&probe.file))?;
@@ -138,6 +140,6 @@ impl Dataset for LavalVarying {
             shots: vec![shot],
             metadata: Metadata::new(),
         };
-        Ok(record.sample(0))
+        Ok(record.into_sample())
     }
 }

@@ -1,4 +1,4 @@
-//! Datasets that others publish, folders of panoramas, and photos with measured depth.
+//! Readers of published datasets, folders of panoramas, and photos with measured depth.
 
 mod crop;
 mod files;

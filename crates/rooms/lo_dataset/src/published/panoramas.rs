@@ -6,60 +6,62 @@ use std::sync::OnceLock;
 
 use lo_imaging::DepthMap;
 
-use super::crop::{CropModel, Surroundings};
+use super::crop::{CropModel, PanoramaMaps};
 use super::files::{entries, is_hdr, read_panorama, stem};
 use super::room_plan::RoomPlan;
 use crate::{Dataset, DatasetError, Sample, Split};
 
-/// A folder of equirectangular HDR panoramas (`.hdr`, `.exr`, `.pfm`): photos are cut out of them, the panorama is the truth where the camera
-/// stands. The Laval Indoor HDR Dataset (Gardner et al. 2017) is such a folder. Depth is known where somebody has drawn a room's plan.
+/// Folder of equirectangular HDR panoramas (`.hdr`, `.exr`, `.pfm`), such as the Laval Indoor HDR Dataset (Gardner et
+/// al. 2017). Photos are cropped from them. The panorama is the ground truth at the camera. Depth is known only for
+/// panoramas with a room plan.
 #[derive(Debug)]
 pub struct Panoramas {
-    files: Vec<File>,
+    files: Vec<PanoramaFile>,
     model: CropModel,
 }
 
 #[derive(Debug)]
-struct File {
+struct PanoramaFile {
     path: PathBuf,
-    /// The geometry of its room, if there is a plan.
-    planned: Option<Planned>,
-    /// Its photos among all.
+    /// Geometry of its room, if there is a plan.
+    room: Option<PlannedRoom>,
+    /// Indices of its photos.
     photos: Range<usize>,
 }
 
-impl File {
-    /// What it shows: several files may show one place.
+impl PanoramaFile {
+    /// Returns the place it shows. Several files may show one place.
     fn place(&self) -> Cow<'_, str> {
-        let told = self.planned.as_ref().and_then(|planned| planned.plan.place());
-        told.map_or_else(|| stem(&self.path).into(), Cow::from)
+        let named = self.room.as_ref().and_then(|room| room.plan.place());
+        named.map_or_else(|| stem(&self.path).into(), Cow::from)
     }
 }
 
-/// A room by its plan.
+/// Room plan with cached distance maps.
 #[derive(Debug)]
-struct Planned {
+struct PlannedRoom {
     plan: RoomPlan,
-    /// [`RoomPlan::distance_m`] and [`RoomPlan::enclosure_m`] in the panorama's size: many photos are cut of each.
+    /// [`RoomPlan::distance_m`] and [`RoomPlan::enclosure_m`] at the panorama's size. Cached because many photos are
+    /// cropped from each panorama.
     distances: OnceLock<[DepthMap; 2]>,
 }
 
 impl Panoramas {
-    /// Looks for panoramas in the folder itself.
+    /// Opens the panoramas of a folder, without subfolders.
     ///
     /// # Errors
-    /// A folder that cannot be read or holds none.
+    /// If the folder cannot be read or contains none.
     pub fn open(folder: &Path, model: CropModel) -> Result<Self, DatasetError> {
         let files = entries(folder)?.into_iter().filter(|path| is_hdr(path));
-        let files: Vec<_> = files.map(|path| File { path, planned: None, photos: 0..0 }).collect();
+        let files: Vec<_> = files.map(|path| PanoramaFile { path, room: None, photos: 0..0 }).collect();
         if files.is_empty() {
-            return Err(DatasetError::layout(folder, "no .hdr, .exr or .pfm in it"));
+            return Err(DatasetError::layout(folder, "contains no .hdr, .exr or .pfm"));
         }
-        Ok(Self { files, model }.shared_out())
+        Ok(Self { files, model }.with_photo_ranges())
     }
 
-    /// As many photos of each place, shared evenly among its files.
-    fn shared_out(mut self) -> Self {
+    /// Assigns the same number of photos to each place, divided evenly among its files.
+    fn with_photo_ranges(mut self) -> Self {
         let mut files_of = BTreeMap::<String, usize>::new();
         self.files.iter().for_each(|file| *files_of.entry(file.place().into_owned()).or_default() += 1);
         let (mut before, mut begin, all) = (BTreeMap::<String, usize>::new(), 0, self.model.crops.max(1) as usize);
@@ -74,24 +76,25 @@ impl Panoramas {
         self
     }
 
-    fn holding(&self, index: usize) -> Option<&File> {
+    fn file_of(&self, index: usize) -> Option<&PanoramaFile> {
         self.files.get(self.files.partition_point(|file| file.photos.end <= index))
     }
 
-    /// With the plans of a folder: `NAME.json` of the panorama `NAME.hdr` (`docs/data.md`). Panoramas without one keep having no depth.
+    /// Adds the plans of a folder: `NAME.json` of the panorama `NAME.hdr` (`docs/data.md`). Panoramas without a plan
+    /// have no depth.
     ///
     /// # Errors
-    /// A plan that cannot be read or is none; a folder with plans of none of these panoramas.
+    /// If a plan cannot be read or is invalid, or the folder has a plan of none of the panoramas.
     pub fn with_plans(mut self, folder: &Path) -> Result<Self, DatasetError> {
-        for File { path, planned, .. } in &mut self.files {
+        for PanoramaFile { path, room, .. } in &mut self.files {
             let file = folder.join(stem(path)).with_extension("json");
-            let read = || RoomPlan::read(&file).map(|plan| Planned { plan, distances: OnceLock::new() });
-            *planned = file.is_file().then(read).transpose()?;
+            let read = || RoomPlan::read(&file).map(|plan| PlannedRoom { plan, distances: OnceLock::new() });
+            *room = file.is_file().then(read).transpose()?;
         }
-        if self.files.iter().all(|file| file.planned.is_none()) {
-            return Err(DatasetError::layout(folder, "no plan (NAME.json) of any of the panoramas"));
+        if self.files.iter().all(|file| file.room.is_none()) {
+            return Err(DatasetError::layout(folder, "contains no plan (NAME.json) of any of the panoramas"));
         }
-        Ok(self.shared_out())
+        Ok(self.with_photo_ranges())
     }
 }
 
@@ -101,23 +104,23 @@ impl Dataset for Panoramas {
     }
 
     fn scene_id(&self, index: usize) -> Cow<'_, str> {
-        stem(&self.holding(index).expect("the index is below the length").path).into()
+        stem(&self.file_of(index).expect("the index is below the length").path).into()
     }
 
     fn get(&self, index: usize) -> Result<Sample, DatasetError> {
-        let File { path, planned, photos } =
-            self.holding(index).ok_or(DatasetError::Index { index, len: self.len() })?;
+        let PanoramaFile { path, room, photos } =
+            self.file_of(index).ok_or(DatasetError::Index { index, len: self.len() })?;
         let radiance = read_panorama(path)?;
         let (width, height) = (radiance.width(), radiance.height());
-        let distances = planned.as_ref().map(|Planned { plan, distances }| {
+        let distances = room.as_ref().map(|PlannedRoom { plan, distances }| {
             distances.get_or_init(|| [plan.distance_m(width, height), plan.enclosure_m(width, height)])
         });
         let [depth_m, enclosure_m] = [0, 1].map(|which| distances.map(|both| &both[which]));
-        let around = Surroundings { radiance: &radiance, depth_m, enclosure_m, albedo: None };
-        Ok(self.model.take(&stem(path), stem(path), index - photos.start, &around).sample(0))
+        let maps = PanoramaMaps { radiance: &radiance, depth_m, enclosure_m, albedo: None };
+        Ok(self.model.crop(&stem(path), stem(path), index - photos.start, &maps).into_sample())
     }
 
     fn split(&self, index: usize) -> Split {
-        Split::of(&self.holding(index).expect("the index is below the length").place())
+        Split::of(&self.file_of(index).expect("the index is below the length").place())
     }
 }

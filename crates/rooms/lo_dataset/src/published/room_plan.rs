@@ -1,4 +1,4 @@
-//! What a person says of a room that a panorama shows: its floor's corners, its furniture's lower edges, their heights.
+//! Room plans: hand-labelled geometry of a panorama's room. Floor corners, lower edges of furniture, and their heights.
 
 use std::path::Path;
 
@@ -8,17 +8,17 @@ use serde::Deserialize;
 
 use crate::DatasetError;
 
-/// Heights and distances that a plan may have, metres.
+/// Allowed range of heights and distances, in metres.
 const RANGE_M: std::ops::RangeInclusive<f32> = 0.01..=200.0;
 
-/// Whatever is lower or higher than the horizon by less is not on a level face, radians.
+/// Smallest |y| of a unit direction that can hit a horizontal face.
 const GRAZING: f32 = 1e-3;
 
-/// How far over the camera the lid of a room is at least whose ceiling nobody knows.
+/// Minimum height above the camera of the lid that closes a room without a known ceiling, in metres.
 const MIN_LID_M: f32 = 0.5;
 
-/// Geometry of a room in one of its panoramas, labelled by hand as room layouts are (Zou et al., "LayoutNet", CVPR 2018): points of the picture, whose
-/// distance follows from the camera's height over the floor. A `.json` file:
+/// Geometry of a room in one of its panoramas, labelled by hand like room layouts (Zou et al., "LayoutNet", CVPR 2018).
+/// Labels are image points, whose distance follows from the camera's height above the floor. A `.json` file:
 ///
 /// ```json
 /// {
@@ -31,16 +31,17 @@ const MIN_LID_M: f32 = 0.5;
 /// }
 /// ```
 ///
-/// Points are (column, row) in pixels of a panorama that is `width` wide and half as high; columns may go on beyond either end. `floor` are the corners
-/// where walls stand on it, all below the horizon, in order; `uprights` are upright faces that stand on their `base` line; `tops` level faces as they are
-/// seen. Without a `ceiling_m`, walls reach up to `wall_top_m`. What is inside of an `unknown` polygon has no distance, whatever stands there.
-/// Panoramas of one `place` share its photos, and are learned from or held out together.
+/// Points are (column, row) in pixels of a panorama that is `width` wide and half as high. Columns may extend beyond
+/// either end. `floor` lists in order the corners where walls meet the floor, all below the horizon. `uprights` are
+/// vertical faces that stand on their `base` line. `tops` are horizontal faces as seen. Without a `ceiling_m`, walls
+/// reach up to `wall_top_m`. Inside an `unknown` polygon there is no distance. Panoramas of one `place` share its
+/// photos, and belong to the same split.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RoomPlan {
     width: f32,
     camera_height_m: f32,
-    /// For readers of the file.
+    /// For human readers of the file.
     #[serde(rename = "height_from")]
     _height_from: String,
     ceiling_m: Option<f32>,
@@ -71,7 +72,7 @@ struct Top {
     height_m: f32,
 }
 
-/// An upright face: a line on the floor, and which heights over the camera it has.
+/// Vertical face: a line on the floor, and its range of heights relative to the camera.
 struct Face {
     ends: [Vec2; 2],
     low_m: f32,
@@ -82,22 +83,22 @@ impl RoomPlan {
     /// Reads a plan.
     ///
     /// # Errors
-    /// A file that cannot be read or is no plan; heights and points that cannot be, with their names.
+    /// If the file cannot be read or is not a plan, or a height or point is invalid; the error names it.
     pub fn read(path: &Path) -> Result<Self, DatasetError> {
         Self::parse(&std::fs::read_to_string(path).map_err(DatasetError::io(path))?, path)
     }
 
-    /// Reads the text of a plan; errors name the file.
+    /// Parses the text of a plan. Errors name the file `path`.
     ///
     /// # Errors
-    /// As [`RoomPlan::read`].
+    /// See [`RoomPlan::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, DatasetError> {
         let plan: Self = serde_json::from_str(text).map_err(|error| DatasetError::field(path, "plan", error))?;
         plan.check().map_err(|(field, reason)| DatasetError::field(path, field, reason))?;
         Ok(plan)
     }
 
-    /// The place that it is of, if another panorama may show it too.
+    /// Returns the name of its place, if other panoramas may show it too.
     pub fn place(&self) -> Option<&str> {
         self.place.as_deref()
     }
@@ -108,7 +109,7 @@ impl RoomPlan {
             if RANGE_M.contains(&value) { Ok(()) } else { Err((field.to_owned(), why())) }
         };
         if !(self.width.is_finite() && self.width >= 2.0) {
-            return Err(("width".to_owned(), format!("{} pixels are no panorama", self.width)));
+            return Err(("width".to_owned(), format!("{} is not a panorama's width in pixels", self.width)));
         }
         height("camera_height_m", self.camera_height_m)?;
         match (self.ceiling_m, self.wall_top_m) {
@@ -117,11 +118,11 @@ impl RoomPlan {
             }
             (Some(ceiling), _) => height("ceiling_m", ceiling)?,
             (None, Some(top)) => height("wall_top_m", top)?,
-            (None, None) => return Err(("wall_top_m".to_owned(), "needed where there is no ceiling_m".to_owned())),
+            (None, None) => return Err(("wall_top_m".to_owned(), "required without ceiling_m".to_owned())),
         }
-        let on_floor = |field: String, points: &[Vec2], least: usize| {
-            if points.len() < least {
-                return Err((field, format!("{} points; it needs {least}", points.len())));
+        let on_floor = |field: String, points: &[Vec2], min: usize| {
+            if points.len() < min {
+                return Err((field, format!("{} points; at least {min} are required", points.len())));
             }
             let wrong = points.iter().find(|&&point| self.floor_point(point).is_none());
             wrong.map_or(Ok(()), |point| Err((field, format!("({}, {}) is not on the floor", point.x, point.y))))
@@ -138,50 +139,52 @@ impl RoomPlan {
         let unknown = self.unknown.iter().enumerate().map(|(i, outline)| ("unknown", i, outline));
         for (field, i, outline) in tops.chain(unknown) {
             if outline.len() < 3 || !outline.iter().all(|point| point.is_finite()) {
-                return Err((format!("{field}[{i}]"), "no polygon of three points and more".to_owned()));
+                return Err((format!("{field}[{i}]"), "not a polygon of at least three points".to_owned()));
             }
         }
         self.tops.iter().enumerate().try_for_each(|(i, top)| height(&format!("tops[{i}].height_m"), top.height_m))
     }
 
-    /// How far what is seen is from the camera, in metres, as an equirectangular map; 0 where the plan does not say.
+    /// Returns the distance of visible surfaces in metres, as an equirectangular map. 0 where the plan does not define
+    /// it.
     pub fn distance_m(&self, width: usize, height: usize) -> DepthMap {
         let faces = self.faces();
         DepthMap::from_fn(width, height, |x, y| {
             let at = self.point(x, y, width);
-            let unknown = self.unknown.iter().any(|outline| self.shows(outline, at));
-            let found = if unknown { None } else { self.seen_m(at, pixel_direction(x, y, width, height), &faces) };
+            let unknown = self.unknown.iter().any(|outline| self.outline_contains(outline, at));
+            let found = if unknown { None } else { self.visible_m(at, pixel_direction(x, y, width, height), &faces) };
             found.unwrap_or(0.0)
         })
     }
 
-    /// How far the closed room's surfaces are, where light seems to come from: as [`RoomPlan::distance_m`], but what is unknown is on the surfaces behind
-    /// it, and walls without a ceiling end at a lid.
+    /// Returns the distance of the closed room's surfaces, from which light seems to come. Differs from
+    /// [`RoomPlan::distance_m`] in two ways: unknown areas use the surfaces behind them, and walls without a ceiling
+    /// are closed by a lid.
     pub fn enclosure_m(&self, width: usize, height: usize) -> DepthMap {
         let faces = self.faces();
         DepthMap::from_fn(width, height, |x, y| {
             let direction = pixel_direction(x, y, width, height);
             let lid = || level(direction, (self.top_m() - self.camera_height_m).max(MIN_LID_M));
-            // Nothing is met between a floor's corners at the very horizon.
+            // Near the horizon, gaps between the floor's corners may have no surface.
             let none = *RANGE_M.end();
-            self.seen_m(self.point(x, y, width), direction, &faces).or_else(lid).unwrap_or(none).min(none)
+            self.visible_m(self.point(x, y, width), direction, &faces).or_else(lid).unwrap_or(none).min(none)
         })
     }
 
-    /// The middle of a pixel of a map of this width, as a point of the picture.
+    /// Returns the centre of a pixel of a map of this width, as a point of the panorama.
     fn point(&self, x: usize, y: usize, width: usize) -> Vec2 {
         (Vec2::new(x as f32, y as f32) + 0.5) * (self.width / width as f32)
     }
 
-    /// Height of walls.
+    /// Returns the height of the walls.
     fn top_m(&self) -> f32 {
         self.ceiling_m.or(self.wall_top_m).unwrap_or_default()
     }
 
-    /// The top that is seen there, else the nearest of floor, ceiling, walls and uprights.
-    fn seen_m(&self, at: Vec2, direction: Vec3, faces: &[Face]) -> Option<f32> {
+    /// Returns the distance of the top seen there, else of the nearest of floor, ceiling, walls and uprights.
+    fn visible_m(&self, at: Vec2, direction: Vec3, faces: &[Face]) -> Option<f32> {
         let over = |height_m: f32| level(direction, height_m - self.camera_height_m);
-        let top = self.tops.iter().rev().filter(|top| self.shows(&top.outline, at));
+        let top = self.tops.iter().rev().filter(|top| self.outline_contains(&top.outline, at));
         if let Some(top) = top.filter_map(|top| over(top.height_m)).next() {
             return Some(top);
         }
@@ -203,7 +206,7 @@ impl RoomPlan {
         walls.chain(uprights).collect()
     }
 
-    /// Where a point of the picture is on the floor: to the right, and ahead.
+    /// Projects a point of the panorama onto the floor: to the right, and ahead. `None` if it is not on the floor.
     fn floor_point(&self, point: Vec2) -> Option<Vec2> {
         let direction =
             direction_from_uv(Vec2::new((point.x / self.width).rem_euclid(1.0), 2.0 * point.y / self.width));
@@ -212,9 +215,9 @@ impl RoomPlan {
         Some(Vec2::new(direction.x, -direction.z) * distance_m)
     }
 
-    /// Whether a polygon of the picture holds a point, also where it goes on beyond the picture's end.
-    fn shows(&self, outline: &[Vec2], at: Vec2) -> bool {
-        [-self.width, 0.0, self.width].into_iter().any(|aside| holds(outline, at + Vec2::new(aside, 0.0)))
+    /// Whether a polygon of the panorama contains a point, including the part beyond the panorama's ends.
+    fn outline_contains(&self, outline: &[Vec2], at: Vec2) -> bool {
+        [-self.width, 0.0, self.width].into_iter().any(|aside| contains(outline, at + Vec2::new(aside, 0.0)))
     }
 }
 
@@ -234,13 +237,14 @@ impl Face {
     }
 }
 
-/// How far a level face at this height over the camera is along a direction, if it is not seen edge-on.
+/// Returns the distance along a direction to a horizontal face at a height relative to the camera. `None` at grazing
+/// angles and in the opposite direction.
 fn level(direction: Vec3, height_m: f32) -> Option<f32> {
     (direction.y.abs() > GRAZING && direction.y * height_m > 0.0).then(|| height_m / direction.y)
 }
 
-/// Whether a polygon holds a point, by the even-odd rule.
-fn holds(outline: &[Vec2], at: Vec2) -> bool {
+/// Whether a polygon contains a point, by the even-odd rule.
+fn contains(outline: &[Vec2], at: Vec2) -> bool {
     let next = outline.iter().cycle().skip(1);
     let crossings = outline
         .iter()
@@ -256,7 +260,7 @@ mod tests {
 
     const WIDTH: f32 = 1536.0;
 
-    /// A point of the room, from the camera, as a point of the picture.
+    /// Projects a point of the room, relative to the camera, into the panorama.
     fn seen(x: f32, y: f32, z: f32) -> Vec2 {
         let uv = lo_geometry::uv_from_direction(Vec3::new(x, y, z).normalize());
         Vec2::new(uv.x * WIDTH, uv.y * 0.5 * WIDTH)
@@ -308,14 +312,14 @@ mod tests {
             let (found, true_m) = at(x, y, z);
             assert!((found / true_m - 1.0).abs() < 0.02, "{what}: {found} m, not {true_m} m");
         }
-        // Across the picture's end, and on both sides of it.
+        // Across the panorama's seam, and on both sides of it.
         assert!([505, 511, 2, 6].iter().all(|&x| distance_m[(x, 128)] == 0.0));
         let known = distance_m.pixels().iter().filter(|z| **z > 0.0).count();
         assert!(known > 125_000 && known < 131_072, "{known}");
     }
 
     #[test]
-    fn walls_end_where_nothing_is_known_of_a_ceiling() {
+    fn walls_end_at_their_top_without_a_ceiling() {
         let mut open = plan();
         (open["ceiling_m"], open["wall_top_m"]) = (serde_json::Value::Null, serde_json::json!(2.4));
         let distance_m = read(&open).unwrap().distance_m(512, 256);
@@ -328,9 +332,9 @@ mod tests {
     }
 
     proptest::proptest! {
-        /// As `fuzz/fuzz_targets/plan.rs` does it with any text.
+        /// As in `fuzz/fuzz_targets/plan.rs`, which uses arbitrary text.
         #[test]
-        fn with_other_numbers_it_is_an_error_or_has_distances(
+        fn plans_with_arbitrary_numbers_are_rejected_or_have_distances(
             changes in proptest::collection::vec((0usize..60, 0usize..9, -2000f32..2000.0), 1..6),
         ) {
             let mut numbers = Vec::new();
@@ -358,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn errors_name_the_field() {
         type Change<'a> = &'a dyn Fn(&mut serde_json::Value);
         let with = |change: Change| {
             let mut other = plan();
@@ -369,10 +373,10 @@ mod tests {
             (&|p| p["floor"][1] = serde_json::json!([700.0, 380.0]), "floor: (700, 380) is not on the floor"),
             (&|p| p["camera_height_m"] = serde_json::json!(-1.0), "camera_height_m: -1 m is not within"),
             (&|p| p["ceiling_m"] = serde_json::json!(1.2), "ceiling_m: 1.2 m is not above the camera"),
-            (&|p| p["ceiling_m"] = serde_json::Value::Null, "wall_top_m: needed"),
+            (&|p| p["ceiling_m"] = serde_json::Value::Null, "wall_top_m: required"),
             (&|p| p["uprights"][0]["from_m"] = serde_json::json!(2.0), "uprights[0].from_m: 2 m is not below 1.9 m"),
-            (&|p| p["tops"][0]["outline"] = serde_json::json!([[1, 2]]), "tops[0]: no polygon"),
-            (&|p| p["width"] = serde_json::json!(0), "width: 0 pixels"),
+            (&|p| p["tops"][0]["outline"] = serde_json::json!([[1, 2]]), "tops[0]: not a polygon"),
+            (&|p| p["width"] = serde_json::json!(0), "width: 0 is not a panorama's width"),
             (&|p| p["flor"] = serde_json::json!([]), "flor"),
         ];
         for (change, expected) in cases {

@@ -1,4 +1,4 @@
-//! Folders of shards that one or several runs fill, each going on where others stopped.
+//! Folders of shards that one or several runs fill. Each run continues where others stopped.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -9,13 +9,13 @@ use serde_json::Value;
 use super::write::shard_name;
 use crate::DatasetError;
 
-/// Says what the shards of a folder are made from.
+/// File that describes what the shards of a folder are made from.
 const MANIFEST: &str = "manifest.json";
 
-/// The field of a manifest that names the program; shards do not depend on it.
+/// Field of a manifest that names the program. Shards do not depend on it.
 const GENERATOR: &str = "generator";
 
-/// A folder with a manifest of what its shards are made from, and those that are finished.
+/// Folder with finished shards and a manifest of what they are made from.
 #[derive(Debug)]
 pub struct ShardFolder {
     path: PathBuf,
@@ -24,16 +24,16 @@ pub struct ShardFolder {
 }
 
 impl ShardFolder {
-    /// The name of the file that says what the shards are made from.
+    /// Name of the file that describes what the shards are made from.
     pub const MANIFEST: &str = MANIFEST;
 
-    /// Makes the folder, or takes up what an earlier run with the same `manifest` left in it.
+    /// Creates the folder, or continues an earlier run with the same `manifest`.
     ///
-    /// The manifest is an object of everything that the shards' bytes depend on, and `generator`: shards of two kinds must not lie side by side.
-    /// With `replace` the shards of another manifest are removed.
+    /// The manifest is an object with everything that the shards' bytes depend on, and `generator`. Shards with
+    /// different manifests must not be mixed. With `replace`, shards of another manifest are removed.
     ///
     /// # Errors
-    /// [`DatasetError::OtherManifest`] without `replace`; the file system's.
+    /// [`DatasetError::OtherManifest`] without `replace`, and file system errors.
     pub fn open(path: &Path, prefix: &str, manifest: &Value, replace: bool) -> Result<Self, DatasetError> {
         std::fs::create_dir_all(path).map_err(DatasetError::io(path))?;
         let generator = manifest[GENERATOR].as_str().unwrap_or(lo_imaging::GENERATOR).to_owned();
@@ -50,7 +50,8 @@ impl ShardFolder {
                 return Err(DatasetError::OtherManifest { folder: path.to_owned(), field: key.clone() });
             }
             Some(_) => {
-                // before the manifest is replaced: a run killed in between must not leave them to be taken for its own
+                // Removed before the manifest is replaced: if the run is killed in between, they must not be mistaken
+                // for its own.
                 this.remove_shards()?;
                 write(&file, manifest)?;
             }
@@ -58,12 +59,13 @@ impl ShardFolder {
         Ok(this)
     }
 
-    /// Makes the folder of a shorter run that of a longer one: where its manifest differs from `manifest` in nothing but a smaller number `field`, it becomes
-    /// `manifest`. Shards that were full stay, `full` says how many those are by the smaller number; one that was not is removed. Any other folder stays
-    /// as it is, for [`ShardFolder::open`] to judge. No run with the smaller number may still go on.
+    /// Extends a folder to a longer run. If its manifest differs from `manifest` only in a smaller number `field`, it
+    /// is replaced by `manifest`. Full shards are kept; `full` returns their number for the smaller value. A partially
+    /// filled shard is removed. Any other folder is left unchanged, for [`ShardFolder::open`] to check. No run with the
+    /// smaller number may still be active.
     ///
     /// # Errors
-    /// The file system's.
+    /// File system errors.
     pub fn grow(
         path: &Path,
         prefix: &str,
@@ -79,7 +81,8 @@ impl ShardFolder {
         if before >= now || other.any(|key| key != field) {
             return Ok(());
         }
-        // before the manifest is replaced: a run killed in between leaves a folder of the shorter run
+        // Removed before the manifest is replaced: if the run is killed in between, the folder is still that of the
+        // shorter run.
         let last = path.join(shard_name(prefix, full(before)));
         match std::fs::remove_file(&last) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(DatasetError::io(&last)(error)),
@@ -87,17 +90,17 @@ impl ShardFolder {
         }
     }
 
-    /// Where shard `number` lies or will lie.
+    /// Returns the path of shard `number`, whether it exists or not.
     pub fn shard(&self, number: usize) -> PathBuf {
         self.path.join(shard_name(&self.prefix, number))
     }
 
-    /// The program that writes the shards, as the manifest names it.
+    /// Returns the program that writes the shards, as named in the manifest.
     pub fn generator(&self) -> &str {
         &self.generator
     }
 
-    /// Whether it is finished: a shard appears whole or not at all.
+    /// Whether the shard is finished. Shards are written atomically.
     pub fn has(&self, number: usize) -> bool {
         self.shard(number).exists()
     }
@@ -110,7 +113,7 @@ impl ShardFolder {
             let number = name.to_str().and_then(|name| {
                 name.strip_prefix(&self.prefix)?.strip_prefix('-')?.strip_suffix(".tar")?.parse::<usize>().ok()
             });
-            // only names that are written here
+            // Only names that this module writes.
             if number.is_some_and(|number| *shard_name(&self.prefix, number) == *name) {
                 std::fs::remove_file(entry.path()).map_err(DatasetError::io(&entry.path()))?;
             }
@@ -119,7 +122,7 @@ impl ShardFolder {
     }
 }
 
-/// The manifest that is there; with `replace`, one that is no JSON counts as another one.
+/// Reads the existing manifest. With `replace`, invalid JSON counts as a different manifest.
 fn read(file: &Path, replace: bool) -> Result<Option<Value>, DatasetError> {
     match std::fs::read(file) {
         Ok(bytes) => match serde_json::from_slice(&bytes) {
@@ -153,21 +156,21 @@ mod tests {
             ShardFolder::grow(folder.path(), "rooms", &manifest(seed, scenes), "scenes", |scenes| scenes as usize / 4)
         };
         grow(1, 10).unwrap();
-        assert!(!folder.path().join(MANIFEST).exists(), "nothing is there to grow");
+        assert!(!folder.path().join(MANIFEST).exists(), "there is nothing to extend");
         let shards = open(10).unwrap();
         (0..3).for_each(|number| std::fs::write(shards.shard(number), "finished").unwrap());
-        // Of another seed, as many and fewer: all stays.
+        // Another seed, an equal and a smaller number: everything stays.
         for (seed, scenes) in [(2, 20), (1, 10), (1, 7)] {
             grow(seed, scenes).unwrap();
             assert!(open(10).unwrap().has(2));
         }
         grow(1, 12).unwrap();
         let shards = open(12).unwrap();
-        assert!(shards.has(0) && shards.has(1) && !shards.has(2), "the third had two rooms of four");
+        assert!(shards.has(0) && shards.has(1) && !shards.has(2), "the third shard had two rooms of four");
         assert!(open(10).is_err());
         std::fs::write(shards.shard(2), "finished").unwrap();
         grow(1, 13).unwrap();
-        assert!(open(13).unwrap().has(2), "it was full");
+        assert!(open(13).unwrap().has(2), "the shard was full");
     }
 
     #[test]
@@ -185,9 +188,9 @@ mod tests {
         assert!(open(1, false).unwrap().has(2) && open(1, true).unwrap().has(2));
         let refusal = open(2, false).err().unwrap();
         assert!(matches!(&refusal, DatasetError::OtherManifest { field, .. } if field == "seed"), "{refusal}");
-        assert!(refusal.to_string().contains("another seed"), "{refusal}");
-        assert!(!open(2, true).unwrap().has(2), "of another seed");
-        assert_eq!(std::fs::read_dir(&path).unwrap().count(), 4, "what is not ours stays, beside the manifest");
+        assert!(refusal.to_string().contains("other settings (seed differs)"), "{refusal}");
+        assert!(!open(2, true).unwrap().has(2), "another seed");
+        assert_eq!(std::fs::read_dir(&path).unwrap().count(), 4, "other files and the manifest stay");
         assert!(open(2, false).is_ok() && open(1, false).is_err());
     }
 }

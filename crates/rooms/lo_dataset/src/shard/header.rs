@@ -1,20 +1,20 @@
-//! The JSON file of a record: what the arrays beside it mean.
+//! JSON header of a record, which describes its arrays.
 
 use lo_geometry::Camera;
 use serde::{Deserialize, Serialize};
 
 use crate::sample::Metadata;
 
-/// Version of the shards that are written and read.
+/// Version of the shard format that is written and read.
 pub const FORMAT_VERSION: u32 = 1;
 
-/// `KEY.json`.
+/// Content of `KEY.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct RecordHeader {
     pub format_version: u32,
     pub generator: String,
     pub scene_id: String,
-    /// For those who read the file without the documentation.
+    /// Convention of the frame, for readers without the documentation.
     pub frame: String,
     pub units: String,
     pub up: Option<[f32; 3]>,
@@ -29,9 +29,9 @@ pub(super) const FRAME: &str = "metres; right-handed; a camera looks along -Z, +
 pub(super) const UNITS: &str = "linear Rec. 709; radiance = array * 2**exponent; of points and views times a shot's gains: units of that photo's \
     white, as is the shot's own radiance; depth in millimetres, 0 is no reading; albedo sRGB-coded; normals * 127";
 
-/// An array of half floats, to be multiplied by 2^exponent.
+/// Array of half floats, to be multiplied by 2^exponent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Halves {
+pub(super) struct HalfFloats {
     pub file: String,
     pub exponent: i32,
 }
@@ -42,8 +42,8 @@ pub(super) struct PointsHeader {
     pub position: String,
     pub origin_m: [f32; 3],
     pub step_m: f32,
-    pub radiance: Halves,
-    /// Surface that each point stands for; archives of before November 2026 do not say.
+    pub radiance: HalfFloats,
+    /// Surface area per point. Missing in archives from before November 2026.
     #[serde(default)]
     pub area_m2: Option<f32>,
 }
@@ -52,7 +52,7 @@ pub(super) struct PointsHeader {
 pub(super) struct ViewHeader {
     pub position_m: [f32; 3],
     pub rotation_xyzw: [f32; 4],
-    pub radiance: Halves,
+    pub radiance: HalfFloats,
     pub depth: Option<String>,
 }
 
@@ -63,7 +63,7 @@ pub(super) struct ShotHeader {
     pub gains: [f32; 3],
     pub camera: Camera,
     pub photo: String,
-    pub radiance: Option<Halves>,
+    pub radiance: Option<HalfFloats>,
     pub depth: Option<String>,
     pub sensor_depth: Option<String>,
     pub normal: Option<String>,

@@ -1,4 +1,4 @@
-//! Where the members of a tar archive lie, from its headers alone.
+//! Locations of the members of a tar archive, from its headers alone.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -15,16 +15,16 @@ pub(super) struct ShardIndex {
     pub records: Vec<RecordIndex>,
 }
 
-/// The members that share a key.
+/// Members that share a key.
 #[derive(Debug)]
 pub(super) struct RecordIndex {
-    /// Member names up to the first dot of their last part.
+    /// Member name up to the first dot of its last path component.
     pub key: String,
-    /// What stands behind the dot → place in the archive.
+    /// Suffix after that dot → location in the archive.
     pub members: HashMap<String, Span>,
 }
 
-/// Bytes of an archive.
+/// Byte range of an archive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Span {
     pub offset: u64,
@@ -32,8 +32,8 @@ pub(super) struct Span {
 }
 
 impl ShardIndex {
-    /// Reads the headers of all members. Members that are no plain files, damaged headers and members that reach beyond the file's end are
-    /// errors.
+    /// Reads the headers of all members. Members that are not regular files, damaged headers, and members that extend
+    /// beyond the end of the file are errors.
     pub fn read(path: &Path) -> Result<Self, DatasetError> {
         let file = File::open(path).map_err(DatasetError::io(path))?;
         let length = file.metadata().map_err(DatasetError::io(path))?.len();
@@ -43,7 +43,7 @@ impl ShardIndex {
         let mut records: Vec<RecordIndex> = Vec::new();
         let mut numbers: HashMap<String, usize> = HashMap::new();
         for entry in entries {
-            let entry = entry.map_err(|error| damaged(format!("no tar archive, or a damaged one: {error}")))?;
+            let entry = entry.map_err(|error| damaged(format!("not a tar archive, or damaged: {error}")))?;
             let kind = entry.header().entry_type();
             if kind.is_dir() || kind.is_pax_global_extensions() {
                 continue;
@@ -51,11 +51,11 @@ impl ShardIndex {
             let name = entry.path_bytes();
             let name = std::str::from_utf8(&name).map_err(|_| damaged("a member's name is not UTF-8".to_owned()))?;
             if !kind.is_file() {
-                return Err(damaged(format!("member {name} is no plain file")));
+                return Err(damaged(format!("member {name} is not a regular file")));
             }
             let span = Span { offset: entry.raw_file_position(), length: entry.size() };
             if span.offset.checked_add(span.length).is_none_or(|end| end > length) {
-                return Err(damaged(format!("the archive ends inside of member {name}")));
+                return Err(damaged(format!("the archive ends within member {name}")));
             }
             let file = name.rsplit('/').next().unwrap_or(name);
             let (stem, rest) = file.split_once('.').unwrap_or((file, ""));
@@ -65,20 +65,20 @@ impl ShardIndex {
                 records.len() - 1
             });
             if records[number].members.insert(rest.to_owned(), span).is_some() {
-                return Err(damaged(format!("a second member {name}")));
+                return Err(damaged(format!("duplicate member {name}")));
             }
         }
         Ok(Self { path: path.to_owned(), records })
     }
 
-    /// The bytes of a member; at most as many as the archive has.
+    /// Reads the bytes of a member.
     pub fn bytes(&self, span: Span) -> Result<Vec<u8>, DatasetError> {
         let mut file = File::open(&self.path).map_err(DatasetError::io(&self.path))?;
         file.seek(SeekFrom::Start(span.offset)).map_err(DatasetError::io(&self.path))?;
         let mut bytes = Vec::new();
         file.take(span.length).read_to_end(&mut bytes).map_err(DatasetError::io(&self.path))?;
         if bytes.len() as u64 != span.length {
-            let reason = "the archive became shorter while it was in use".to_owned();
+            let reason = "the archive was truncated while in use".to_owned();
             return Err(DatasetError::Shard { shard: self.path.clone(), reason });
         }
         Ok(bytes)

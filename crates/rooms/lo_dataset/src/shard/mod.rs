@@ -1,8 +1,8 @@
 //! WebDataset shards: plain `.tar` archives in which the files of one room share a name up to the first dot.
 //!
-//! Everything opens in Python with `tarfile`, `numpy` and PIL alone. Arrays are `.npy` because they load without a library for half
-//! floats, at the speed of the disk; an OpenEXR with ZIP takes two thirds of the space and forty times as long. `docs/data.md` describes every
-//! member.
+//! All members open in Python with `tarfile`, `numpy` and PIL alone. Arrays are `.npy`: they load without a half-float
+//! library, at the speed of the disk. An OpenEXR with ZIP takes two thirds of the space and forty times as long.
+//! `docs/data.md` describes every member.
 
 mod array;
 mod folder;

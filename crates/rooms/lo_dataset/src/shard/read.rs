@@ -2,12 +2,12 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use super::index::{RecordIndex, ShardIndex};
-use super::pack::{HEADER, Problem, header, unpack};
+use super::pack::{HEADER, MemberError, header, unpack};
 use crate::{Dataset, DatasetError, Sample};
 
-/// All shards of a folder, read at random.
+/// All shards of a folder, with random access.
 ///
-/// Opening reads the headers of every archive and the small JSON file of every record, nothing else.
+/// Opening reads only the tar headers of every archive and the small JSON header of every record.
 #[derive(Debug)]
 pub struct Shards {
     shards: Vec<ShardIndex>,
@@ -15,7 +15,7 @@ pub struct Shards {
     scene_ids: Vec<String>,
 }
 
-/// Where a sample is.
+/// Location of a sample.
 #[derive(Clone, Copy, Debug)]
 struct ShotIndex {
     shard: u32,
@@ -25,14 +25,15 @@ struct ShotIndex {
 }
 
 impl Shards {
-    /// Opens every `.tar` of a folder, in the order of their names, or one archive.
+    /// Opens every `.tar` of a folder, in the order of their names, or a single archive.
     ///
     /// # Errors
-    /// A folder without archives; archives that are no tar or end early; headers of records that are missing, damaged or of another version.
+    /// If the folder has no archives, an archive is not a tar or is truncated, or a record's header is missing, damaged
+    /// or of another version.
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
         let paths = if path.is_dir() { archives(path)? } else { vec![path.to_owned()] };
         if paths.is_empty() {
-            return Err(DatasetError::layout(path, "no .tar archive in it"));
+            return Err(DatasetError::layout(path, "contains no .tar archive"));
         }
         let mut this = Self { shards: Vec::new(), samples: Vec::new(), scene_ids: Vec::new() };
         for path in paths {
@@ -43,8 +44,8 @@ impl Shards {
 
     fn add(&mut self, shard: ShardIndex) -> Result<(), DatasetError> {
         for (number, record) in shard.records.iter().enumerate() {
-            let bytes = member(&shard, record, HEADER).map_err(|problem| located(&shard, record, problem))?;
-            let header = header(&bytes).map_err(|problem| located(&shard, record, problem))?;
+            let bytes = member(&shard, record, HEADER).map_err(|error| located(&shard, record, error))?;
+            let header = header(&bytes).map_err(|error| located(&shard, record, error))?;
             let scene = self.scene_ids.len() as u32;
             self.scene_ids.push(header.scene_id);
             self.samples.extend((0..header.shots.len()).map(|shot| ShotIndex {
@@ -78,27 +79,27 @@ impl Dataset for Shards {
     }
 }
 
-/// A photo's sample, and how many the record has.
-fn read_shot(shard: &ShardIndex, record: &RecordIndex, shot: usize) -> Result<(usize, Sample), Problem> {
+/// Reads a photo's sample. Also returns the record's number of photos.
+fn read_shot(shard: &ShardIndex, record: &RecordIndex, shot: usize) -> Result<(usize, Sample), MemberError> {
     let header = header(&member(shard, record, HEADER)?)?;
     if shot >= header.shots.len() {
-        return Err(Problem::new(HEADER, "shots", "there are fewer than when the archive was opened"));
+        return Err(MemberError::new(HEADER, "shots", "fewer than when the archive was opened"));
     }
     let read = |file: &str| member(shard, record, file);
-    Ok((header.shots.len(), unpack(&record.key, &header, shot, &read)?.sample(0)))
+    Ok((header.shots.len(), unpack(&record.key, &header, shot, &read)?.into_sample()))
 }
 
-fn member(shard: &ShardIndex, record: &RecordIndex, file: &str) -> Result<Vec<u8>, Problem> {
-    let span = record.members.get(file).ok_or_else(|| Problem::new(file, "file", "it is not in the archive"))?;
-    shard.bytes(*span).map_err(|error| Problem::new(file, "file", error))
+fn member(shard: &ShardIndex, record: &RecordIndex, file: &str) -> Result<Vec<u8>, MemberError> {
+    let span = record.members.get(file).ok_or_else(|| MemberError::new(file, "file", "missing from the archive"))?;
+    shard.bytes(*span).map_err(|error| MemberError::new(file, "file", error))
 }
 
-fn located(shard: &ShardIndex, record: &RecordIndex, problem: Problem) -> DatasetError {
+fn located(shard: &ShardIndex, record: &RecordIndex, error: MemberError) -> DatasetError {
     DatasetError::Member {
         shard: shard.path.clone(),
-        member: format!("{}.{}", record.key, problem.file),
-        field: problem.field,
-        reason: problem.reason,
+        member: format!("{}.{}", record.key, error.file),
+        field: error.field,
+        reason: error.reason,
     }
 }
 

@@ -6,16 +6,16 @@ use lo_imaging::write_atomically;
 use super::pack::pack;
 use crate::{DatasetError, Record};
 
-/// File name of shard `number`: `rooms-000003.tar`.
+/// Returns the file name of shard `number`: `rooms-000003.tar`.
 pub fn shard_name(prefix: &str, number: usize) -> String {
     format!("{prefix}-{number:06}.tar")
 }
 
-/// Writes an archive that appears whole or not at all. The same records give the same bytes: times and owners are left out. `generator` names the
-/// writing program in each.
+/// Writes an archive atomically. The same records give the same bytes, since times and owners are left out. `generator`
+/// names the writing program in each record.
 ///
 /// # Errors
-/// The first error of `records`, which ends the archive; errors of the file system, which name the path.
+/// The first error of `records`, which aborts the archive, and file system errors, which name the path.
 pub fn write_shard<E: From<DatasetError>>(
     path: &Path,
     records: impl Iterator<Item = Result<Record, E>>,

@@ -1,6 +1,6 @@
-//! The octree of a generated room, rendered by cone tracing, against the panoramas rendered from the room itself.
+//! The octree of a generated room, rendered by cone tracing, against panoramas rendered from the room itself.
 //!
-//! PSNR is of pictures under the tone curve x / (m + x), m being the mean luminance of the panorama.
+//! PSNR is computed on images under the tone curve x / (m + x), where m is the panorama's mean luminance.
 
 use lo_cone::{ConeTracer, Settings};
 use lo_dataset::{Generator, GeneratorConfig, NovelView, Record};
@@ -10,9 +10,9 @@ use lo_synth::SynthConfig;
 
 struct Agreement {
     psnr_db: f64,
-    /// Share of the squared error where the octree's surface lies more than two leaves before or behind the room's.
+    /// Share of the squared error where the octree's surface is more than two leaves in front of or behind the room's.
     geometry_share: f64,
-    /// Mean after the tone curve, the octree's over the room's.
+    /// Mean after the tone curve: the octree's over the room's.
     brightness: f64,
 }
 
@@ -38,7 +38,7 @@ fn compare(octree: &LightOctree, view: &NovelView, depth: u32) -> Agreement {
         let squared: f64 = (0..3).map(|c| (curve(x[c]) - curve(y[c])).powi(2)).sum();
         error += squared / (3 * width * height) as f64;
         let depth_m = view.depth_m.as_ref().unwrap().pixels()[i];
-        // No depth is measured beyond windows: there the octree has the pane.
+        // Windows have no depth: there the octree has the pane.
         if depth_m > 0.0 && (found.distance_m.pixels()[i] - depth_m).abs() > 2.0 * leaf_m {
             by_geometry += squared / (3 * width * height) as f64;
         }
@@ -52,7 +52,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Median over the panoramas of a room, for an octree of `depth`.
+/// Returns the median over the panoramas of a room, for an octree of `depth`.
 fn room(index: u64, depth: u32) -> Agreement {
     let room = SynthConfig { crop_size: [48, 32], ..SynthConfig::default() };
     let config = GeneratorConfig { room, octree_depth: depth, ..GeneratorConfig::default() };

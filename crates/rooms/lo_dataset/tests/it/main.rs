@@ -1,4 +1,4 @@
-//! Generated rooms, shards and published datasets. One binary, so that it is linked once.
+//! Generated rooms, shards and published datasets. A single binary, so that it is linked once.
 #![allow(clippy::unwrap_used)]
 
 mod consistency;

@@ -1,4 +1,4 @@
-//! Edges of mattes: where real surfaces hide an object, by a sensor's depth and by the true one, in generated rooms.
+//! Edges of mattes, where real surfaces occlude an object: sensor depth against true depth, in generated rooms.
 
 use std::collections::BTreeMap;
 
@@ -11,10 +11,11 @@ use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LitScene};
 use rayon::prelude::*;
 
-/// Share of its depth that the card keeps from surfaces whose edges are measured: what is nearer to it may be hidden or not.
+/// Relative depth distance that the card keeps from surfaces with measured edges. Nearer surfaces may or may not hide
+/// it.
 const CLEAR: f32 = 0.06;
 
-/// A black card that faces the camera and fills the picture but for a border.
+/// Returns a black card that faces the camera and fills the image except for a border.
 fn card(sample: &Sample, z_m: f32) -> (PreparedModel, Placement) {
     let camera = &sample.camera;
     let corner =
@@ -32,7 +33,7 @@ fn card(sample: &Sample, z_m: f32) -> (PreparedModel, Placement) {
     (PreparedModel::new(model), placement)
 }
 
-/// Depth of the card: in the widest gap of the true depths between the 15th and the 60th percentile.
+/// Returns the card's depth: in the widest gap of the true depths between the 15th and the 60th percentile.
 fn card_depth_m(truth: &DepthMap) -> f32 {
     let mut depths: Vec<f32> = truth.pixels().iter().copied().filter(|&z| z > 0.0).collect();
     depths.sort_by(f32::total_cmp);
@@ -42,7 +43,7 @@ fn card_depth_m(truth: &DepthMap) -> f32 {
     candidates.min_by_key(|&z| near(z)).unwrap()
 }
 
-/// Share of each pixel where the card is hidden, by a depth map.
+/// Returns the share of each pixel in which the card is hidden, by a depth map.
 fn occlusion(sample: &Sample, depth_m: DepthMap, z_m: f32) -> Image<f32> {
     let frame = Frame::new(Photo::Srgb8(sample.photo.clone()), depth_m, sample.camera, 1.0).unwrap();
     let points: Vec<RadiancePoint> = lo_geometry::fibonacci_sphere(2000)
@@ -55,19 +56,20 @@ fn occlusion(sample: &Sample, depth_m: DepthMap, z_m: f32) -> Image<f32> {
     inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore).unwrap().occlusion
 }
 
-/// Where two images of hidden shares differ in their edges.
+/// Differences between the edges of two occlusion images.
 #[derive(Default)]
 struct Edges {
-    /// For each point of the true edge the distance to the nearest one of the estimate, pixels.
+    /// For each point of the true edge, the distance to the nearest one of the estimate, in pixels.
     all_px: Vec<f32>,
-    /// The same where the sensor can know of the edge: the surfaces on both sides are as wide as one of its pixels.
+    /// The same for edges that the sensor resolves: the surfaces on both sides are at least as wide as one of its
+    /// pixels.
     resolved_px: Vec<f32>,
 }
 
-/// Farthest distance that is told apart.
+/// Distances are clamped to this.
 const FARTHEST_PX: f32 = 20.0;
 
-/// Edges further off are lost: there the sensor's depth is wrong over a wide area.
+/// Edges farther off than this count as lost: the sensor's depth is wrong over a wide area there.
 const LOST_PX: f32 = 8.0;
 
 /// A point of an edge, and the pixels on both of its sides.
@@ -76,7 +78,7 @@ struct EdgePoint {
     sides: [(usize, usize); 2],
 }
 
-/// Points where a share crosses a half between neighbouring pixels, inside of the card's border.
+/// Returns the points where a share crosses ½ between neighbouring pixels, inside the card's border.
 fn contour(share: &Image<f32>) -> Vec<EdgePoint> {
     let mut points = Vec::new();
     let (width, height) = (share.width(), share.height());
@@ -97,7 +99,7 @@ fn contour(share: &Image<f32>) -> Vec<EdgePoint> {
     points
 }
 
-/// Which pixels lie in a square of `side` pixels that are all `of` the same.
+/// Returns the pixels that are in a `side` × `side` square of pixels that are all `of`.
 fn wide(of: &Image<bool>, side: usize) -> Image<bool> {
     let (width, height) = (of.width(), of.height());
     let mut wide = Image::new(width, height, vec![false; width * height]);
@@ -112,13 +114,13 @@ fn wide(of: &Image<bool>, side: usize) -> Image<bool> {
     wide
 }
 
-/// Errors of the matte by the sample's sensor.
+/// Returns the errors of the matte by the sample's sensor.
 fn edges(sample: &Sample) -> Edges {
     let (truth_m, sensor_m) = (sample.depth_m.as_ref().unwrap(), sample.sensor_depth_m.as_ref().unwrap());
     let z_m = card_depth_m(truth_m);
     let estimate = contour(&occlusion(sample, sensor_m.clone(), z_m));
     let hidden = truth_m.map(|&z| z > 0.0 && z < z_m);
-    // Where the card pierces a surface there is no edge but of depth's noise.
+    // Where the card intersects a surface, the edge is only depth noise.
     let clear = |p: (usize, usize)| truth_m[p] > 0.0 && (truth_m[p] / z_m - 1.0).abs() > CLEAR;
     let side = truth_m.width().div_ceil(sensor_m.width()) + 1;
     let wide = [wide(&hidden, side), wide(&hidden.map(|hidden| !hidden), side)];
@@ -134,14 +136,14 @@ fn edges(sample: &Sample) -> Edges {
     Edges { all_px: found.into_iter().map(|(px, _)| px).collect(), resolved_px }
 }
 
-/// Mean, median, and share within a pixel.
+/// Returns mean, median, and share within a pixel.
 fn figures(px: &mut [f32]) -> [f32; 3] {
     px.sort_by(f32::total_cmp);
     let count = px.len() as f32;
     [px.iter().sum::<f32>() / count, px[px.len() / 2], px.iter().filter(|&&px| px <= 1.0).count() as f32 / count]
 }
 
-/// Errors by the kind of sensor, of `rooms` with three photos each.
+/// Returns the errors by the kind of sensor, for `rooms` rooms with three photos each.
 fn measured(seed: u64, rooms: u64, crop_size: [u32; 2]) -> BTreeMap<String, Edges> {
     let mut config = GeneratorConfig { shots: 3, panoramas: 0, ..GeneratorConfig::default() };
     config.room.crop_size = crop_size;
@@ -171,7 +173,7 @@ fn edges_by_a_sensors_depth_lie_where_the_true_ones_do() {
 }
 
 #[test]
-#[ignore = "4 minutes; the figures of docs/benchmarks.md: 16 rooms of a seed that nothing was tuned on, in two sizes"]
+#[ignore = "4 minutes; figures of docs/benchmarks.md: 16 rooms of a held-out seed, in two sizes"]
 fn figures_of_mattes() {
     for crop_size in [[480, 320], [960, 640]] {
         for (kind, mut edges) in measured(4103, 16, crop_size) {

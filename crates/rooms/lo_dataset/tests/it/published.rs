@@ -1,8 +1,8 @@
-//! Readers of what others publish, on small fixtures in the published layouts and on the real panoramas.
+//! Readers of published datasets, on small fixtures in the published layouts and on real panoramas.
 
 use std::path::Path;
 
-use lo_dataset::{CropModel, Dataset, Layout, Panoramas, Sample, Split};
+use lo_dataset::{CropModel, Dataset, DatasetLayout, Panoramas, Sample, Split};
 use lo_geometry::{Vec3, pixel_direction, uv_from_direction};
 use lo_imaging::{
     DepthMap, ExrOptions, Image, RadianceImage, linear_from_srgb8, sample_equirectangular, write_depth, write_radiance,
@@ -10,7 +10,7 @@ use lo_imaging::{
 };
 use lo_testdata::{beside, panoramas};
 
-/// Small photos, three of each panorama.
+/// Small photos, three per panorama.
 fn small() -> CropModel {
     CropModel {
         width: 48,
@@ -28,12 +28,12 @@ fn hdr(path: &Path, image: &RadianceImage) {
     write_radiance(path, image, &ExrOptions::default()).unwrap();
 }
 
-/// Radiance that tells the direction: every component of it, shifted to be positive.
+/// Radiance that encodes the direction: its components, shifted to be positive.
 fn direction_map(width: usize, height: usize) -> RadianceImage {
     Image::from_fn(width, height, |x, y| (pixel_direction(x, y, width, height) * 0.5 + Vec3::splat(0.6)).to_array())
 }
 
-/// What the sample's panorama shows in a photo's pixel must be what the photo's own light is.
+/// Asserts that the sample's panorama has the radiance of the photo's pixels.
 fn assert_panorama_agrees(sample: &Sample, view: usize) {
     let radiance = sample.radiance.as_ref().unwrap();
     for (x, y) in [(5, 5), (24, 16), (40, 28)] {
@@ -52,14 +52,14 @@ fn futurehouse(root: &Path) {
         let cubemaps = root.join(house).join("ue4_result").join("CubemapData");
         let map = direction_map(64, 32);
         hdr(&cubemaps.join("0_image.hdr"), &map);
-        // a box room of 4 × 3 × 6 m: 0.2 units are a metre
+        // A box room of 4 × 3 × 6 m: 0.2 units are a metre.
         let depth = Image::from_fn(64, 32, |x, y| [room_distance(pixel_direction(x, y, 64, 32)) / 5.0; 3]);
         hdr(&cubemaps.join("0_depth.hdr"), &depth);
         for what in ["albedo", "normal", "roughness", "metallic", "mask"] {
             hdr(&cubemaps.join(format!("0_{what}.hdr")), &Image::new(64, 32, vec![[0.5; 3]; 64 * 32]));
         }
     }
-    // a grid of 8 × 4 probes, each of its own brightness, half a turn from the panorama
+    // A grid of 8 × 4 probes, each with its own brightness, rotated by 180° from the panorama.
     let light = Image::from_fn(8 * 32, 4 * 16, |x, y| {
         let (column, row) = (x / 32, y / 16);
         let back = pixel_direction((x % 32 + 16) % 32, y % 16, 32, 16);
@@ -68,7 +68,7 @@ fn futurehouse(root: &Path) {
     hdr(&root.join("000123").join("ue4_result").join("LightProbeData").join("0_light.exr"), &light);
 }
 
-/// Distance from the middle of a box of half sizes 2, 1.5 and 3 m.
+/// Returns the distance from the centre of a box with half sizes 2, 1.5 and 3 m.
 fn room_distance(d: Vec3) -> f32 {
     (2.0 / d.x.abs()).min(1.5 / d.y.abs()).min(3.0 / d.z.abs())
 }
@@ -77,32 +77,32 @@ fn room_distance(d: Vec3) -> f32 {
 fn futurehouse_in_its_published_layout() {
     let folder = tempfile::tempdir().unwrap();
     futurehouse(folder.path());
-    assert_eq!(Layout::detect(folder.path()).unwrap(), Layout::FutureHouse);
-    let dataset = Layout::FutureHouse.open(folder.path(), small()).unwrap();
+    assert_eq!(DatasetLayout::detect(folder.path()).unwrap(), DatasetLayout::FutureHouse);
+    let dataset = DatasetLayout::FutureHouse.open(folder.path(), small()).unwrap();
     assert_eq!(dataset.len(), 6);
     assert_eq!((dataset.scene_id(0), dataset.scene_id(5)), ("000123".into(), "000777".into()));
     let sample = dataset.get(1).unwrap();
     assert_eq!((sample.id.as_str(), sample.scene_id.as_str()), ("000123-0-1", "000123"));
     assert_panorama_agrees(&sample, 0);
-    // depth along the axis: the point lies on the box
+    // Depth is along the axis: the point is on the box.
     let depth = sample.depth_m.as_ref().unwrap();
     let point = sample.camera.unproject(24.5, 16.5, f64::from(depth[(24, 16)]));
     let in_room = sample.views[0].rotation.inverse() * point;
     assert!((in_room.length() / room_distance(in_room.normalize()) - 1.0).abs() < 0.1, "{in_room}");
     assert!(sample.albedo.is_some() && sample.normal.is_none());
-    // the other house has no probes
+    // The other house has no probes.
     assert_eq!(dataset.get(4).unwrap().views.len(), 1);
     let all: Vec<Sample> = (0..3).map(|i| dataset.get(i).unwrap()).collect();
     assert!(all.iter().any(|sample| sample.views.len() > 1));
     for sample in &all {
         for view in &sample.views[1..] {
-            // the probe's own number, from its light; where it stands in the room
+            // The probe's number, from its brightness, gives its position in the room.
             let gains: Vec<f32> = serde_json::from_value(sample.metadata["gains"].clone()).unwrap();
             let number = (view.radiance[(0, 0)][0] / gains[0]).round() as usize - 1;
             let expected = pixel_direction(number % 8, number / 8, 8, 4);
             let got = view.rotation.inverse() * view.position_m;
             assert!(got.normalize().dot(expected) > 0.999, "probe {number}");
-            // the grid's turn was undone: the second channel tells the direction's x
+            // The grid's rotation was undone: the second channel encodes the direction's x.
             let shown = view.radiance[(3, 8)][1] / gains[1];
             assert!((shown - 1.5 - pixel_direction(3, 8, 32, 16).x).abs() < 0.02, "{shown}");
         }
@@ -114,26 +114,26 @@ fn futurehouse_errors_name_the_file_and_the_field() {
     let folder = tempfile::tempdir().unwrap();
     futurehouse(folder.path());
     let cubemaps = folder.path().join("000123").join("ue4_result").join("CubemapData");
-    let message = || Layout::FutureHouse.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
+    let message = || DatasetLayout::FutureHouse.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
     let depth = cubemaps.join("0_depth.hdr");
     hdr(&depth, &Image::new(32, 16, vec![[0.2; 3]; 512]));
-    assert_eq!(message(), format!("{}: size: 32 × 16 pixels, the panorama has 64 × 32", depth.display()));
+    assert_eq!(message(), format!("{}: size: 32 × 16 pixels, but the panorama has 64 × 32", depth.display()));
     hdr(&depth, &Image::new(64, 32, vec![[9.0; 3]; 2048]));
-    assert!(message().ends_with("0_depth.hdr: depth: no value in (0, 2], which is 0 to 10 m"), "{}", message());
+    assert!(message().ends_with("0_depth.hdr: depth: no value within (0, 2], which is 0 to 10 m"), "{}", message());
     std::fs::remove_file(&depth).unwrap();
     assert!(message().contains("0_depth.hdr"));
     hdr(&cubemaps.join("0_image.hdr"), &Image::new(32, 32, vec![[0.2; 3]; 1024]));
     assert!(message().ends_with("0_image.hdr: size: 32 × 32 pixels; a panorama is twice as wide as high"));
 }
 
-/// One sequence of HD1 with three frames: the camera moves forward, along its −Z, half a metre a frame.
+/// Writes a sequence of HD1 with three frames. The camera moves along its −Z, half a metre per frame.
 fn interiornet(root: &Path) -> std::path::PathBuf {
     let truth = root.join("GroundTruth_HD1-HD6").join("3FO4_Bedroom").join("velocity_angular_1_1");
     std::fs::create_dir_all(&truth).unwrap();
     let mut lines =
         "#camera model: pinhole\n#camera info: f, cx, cy, dist.coeff[0..2]\n# w x y z\n# position\n# resolution\n3\n"
             .to_owned();
-    // upright in a world whose Z is up: turned by 90° about X, so that −Z becomes +Y
+    // Upright in a world whose Z is up: rotated by 90° about X, so that −Z becomes +Y.
     let q = std::f64::consts::FRAC_1_SQRT_2;
     for i in 0..3 {
         lines += &format!("30 24 16 0 0 0 {q} {q} 0 0 1 {} 1.5 48 32\n", 0.5 * f64::from(i));
@@ -148,7 +148,7 @@ fn interiornet(root: &Path) -> std::path::PathBuf {
         };
         write_srgb8(at("cam0"), &Image::new(48, 32, vec![[100 + i, 90, 80]; 48 * 32]), 90, lo_imaging::GENERATOR)
             .unwrap();
-        // a wall 3 m before the first camera: distance along each ray
+        // A wall 3 m in front of the first camera: distance along each ray.
         let z = 3.0 - 0.5 * f64::from(i);
         let camera = lo_geometry::Camera::new(30.0, 30.0, 24.0, 16.0, 48, 32).unwrap();
         let distance: DepthMap =
@@ -171,26 +171,26 @@ fn interiornet(root: &Path) -> std::path::PathBuf {
 fn interiornet_in_its_published_layout() {
     let folder = tempfile::tempdir().unwrap();
     interiornet(folder.path());
-    assert_eq!(Layout::detect(folder.path()).unwrap(), Layout::InteriorNet);
-    let dataset = Layout::InteriorNet.open(folder.path(), small()).unwrap();
+    assert_eq!(DatasetLayout::detect(folder.path()).unwrap(), DatasetLayout::InteriorNet);
+    let dataset = DatasetLayout::InteriorNet.open(folder.path(), small()).unwrap();
     assert_eq!((dataset.len(), dataset.scene_id(2)), (3, "3FO4_Bedroom".into()));
     let first = dataset.get(0).unwrap();
     assert_eq!(first.id, "3FO4_Bedroom-original_1_1-0");
     assert_eq!((first.camera.fx, first.camera.width), (30.0, 48));
-    // distances along the rays have become the wall's depth
+    // Distances along the rays have become the wall's depth.
     assert!(first.depth_m.as_ref().unwrap().pixels().iter().all(|z| (z - 3.0).abs() < 2e-3));
     assert!((first.up.unwrap() - Vec3::Y).length() < 1e-5);
-    // its own panorama, and the third frame's a metre ahead
+    // Its own panorama, and the third frame's a metre ahead.
     assert_eq!(first.views.len(), 2);
     assert!(first.views[0].position_m.length() < 1e-6);
     assert!((first.views[1].position_m - Vec3::new(0.0, 0.0, -1.0)).length() < 1e-5, "{}", first.views[1].position_m);
     assert!((first.views[1].rotation * Vec3::X - Vec3::X).length() < 1e-5);
     assert!((first.views[0].radiance[(9, 9)][0] - linear_from_srgb8(200)).abs() < 1e-4);
     assert_eq!(dataset.get(1).unwrap().views.len(), 1, "the second frame has no panorama and sees the third");
-    assert_eq!(dataset.get(2).unwrap().views.len(), 1, "what lies behind is not seen");
-    // a sequence alone needs its cameras beside it
+    assert_eq!(dataset.get(2).unwrap().views.len(), 1, "positions behind the camera are not observed");
+    // A sequence alone needs its cameras beside it.
     let sequence = folder.path().join("HD1").join("3FO4_Bedroom").join("original_1_1");
-    assert!(Layout::InteriorNet.open(&sequence, small()).err().unwrap().to_string().contains("no cam0.ccam"));
+    assert!(DatasetLayout::InteriorNet.open(&sequence, small()).err().unwrap().to_string().contains("no cam0.ccam"));
 }
 
 #[test]
@@ -200,20 +200,20 @@ fn interiornet_errors_name_the_line() {
     let good = std::fs::read_to_string(&cameras).unwrap();
     let message = |text: String| {
         std::fs::write(&cameras, text).unwrap();
-        let error = Layout::InteriorNet.open(folder.path(), small()).err().unwrap().to_string();
+        let error = DatasetLayout::InteriorNet.open(folder.path(), small()).err().unwrap().to_string();
         error.strip_prefix(&cameras.display().to_string()).unwrap().to_owned()
     };
-    assert_eq!(message(good.replacen("30 24 16", "30 x 16", 1)), ": line 7: `x` is no number");
-    assert_eq!(message(good.replacen(" 48 32\n", "\n", 1)), ": line 7: 13 numbers, 15 are needed");
+    assert_eq!(message(good.replacen("30 24 16", "30 x 16", 1)), ": line 7: `x` is not a number");
+    assert_eq!(message(good.replacen(" 48 32\n", "\n", 1)), ": line 7: 13 numbers; expected 15");
     assert!(message(good.replacen("30 24 16", "-30 24 16", 1)).starts_with(": line 7: focal lengths must be positive"));
-    assert!(message(good.replacen(" 0 0 1 0 ", " 5 0 1 0 ", 1)).contains("is no unit quaternion"));
+    assert!(message(good.replacen(" 0 0 1 0 ", " 5 0 1 0 ", 1)).contains("is not a unit quaternion"));
     let cut: String = good.lines().take(8).map(|line| format!("{line}\n")).collect();
-    assert!(message(cut).starts_with(": lines: 2 cameras for 3 pictures in "));
+    assert!(message(cut).starts_with(": lines: 2 cameras for 3 images in "));
     std::fs::write(&cameras, &good).unwrap();
     let photo = folder.path().join("HD1/3FO4_Bedroom/original_1_1/cam0/data/0.png");
     write_srgb8(&photo, &Image::new(4, 4, vec![[0; 3]; 16]), 90, lo_imaging::GENERATOR).unwrap();
-    let error = Layout::InteriorNet.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
-    assert_eq!(error, format!("{}: size: 4 × 4 pixels, cam0.ccam says 48 × 32", photo.display()));
+    let error = DatasetLayout::InteriorNet.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
+    assert_eq!(error, format!("{}: size: 4 × 4 pixels, but cam0.ccam has 48 × 32", photo.display()));
 }
 
 #[test]
@@ -226,10 +226,10 @@ fn laval_scenes_by_their_description() {
     let text =
         r#"{"photo": "crop.exr", "hfov_deg": 60, "probes": [{"file": "probe0.exr", "u": 36, "v": 16, "depth_m": 2}]}"#;
     write(text);
-    assert_eq!(Layout::detect(folder.path()).unwrap(), Layout::LavalVarying);
-    let dataset = Layout::LavalVarying.open(folder.path(), small()).unwrap();
+    assert_eq!(DatasetLayout::detect(folder.path()).unwrap(), DatasetLayout::LavalVarying);
+    let dataset = DatasetLayout::LavalVarying.open(folder.path(), small()).unwrap();
     let sample = dataset.get(0).unwrap();
-    // a quarter of the width right of the middle: 2 m · tan 30° / 2
+    // A quarter of the width right of the centre: 2 m · tan 30° / 2.
     assert!((sample.views[0].position_m - Vec3::new(0.57735, 0.0, -2.0)).length() < 1e-4);
     let (light, probe) = (sample.radiance.unwrap(), &sample.views[0].radiance);
     assert!(light[(40, 3)][0] / light[(20, 3)][0] > 1.9 && probe[(128, 64)][0] > 0.0);
@@ -239,7 +239,7 @@ fn laval_scenes_by_their_description() {
     };
     assert!(
         message(text.replace("\"u\": 36", "\"u\": 99"))
-            .ends_with("scene.json: probes[0].u: 99 lies outside of the photo's 48 pixels")
+            .ends_with("scene.json: probes[0].u: 99 is outside the photo's 48 pixels")
     );
     assert!(
         message(text.replace("\"depth_m\": 2", "\"depth_m\": 0")).ends_with("probes[0].depth_m: 0 is not positive")
@@ -260,7 +260,7 @@ fn plans_give_photos_of_panoramas_depth() {
     let folder = tempfile::tempdir().unwrap();
     hdr(&folder.path().join("box.hdr"), &direction_map(256, 128));
     hdr(&folder.path().join("other.hdr"), &direction_map(64, 32));
-    // the box room of 4 × 3 × 6 m, its lower corners as the middle of it sees them
+    // The box room of 4 × 3 × 6 m: its lower corners as seen from its centre.
     let corner = |x: f32, z: f32| {
         let uv = uv_from_direction(Vec3::new(x, -1.5, z).normalize());
         [uv.x * 256.0, uv.y * 128.0]
@@ -282,7 +282,7 @@ fn plans_give_photos_of_panoramas_depth() {
             let depth_m = depth_m[(x, y)];
             assert!(steep || (depth_m / expected - 1.0).abs() < 0.05, "({x}, {y}): {depth_m} m, not {expected} m");
         }
-        // a point for each pixel, also where depth is unknown, on the room's sides and as bright as there
+        // A point for each pixel, also where depth is unknown, on the room's faces and with their radiance.
         assert_eq!(sample.points.len(), 256 * 128);
         for point in sample.points.iter().step_by(97) {
             let direction = back * point.position_m.normalize();
@@ -323,26 +323,26 @@ fn panoramas_of_one_place_share_its_photos_and_their_part() {
     assert!(dataset.get(10).is_err());
 }
 
-/// Of a folder with as many panoramas, whose sample at an index has a name.
+/// Checks the crops of a folder with `panoramas` panoramas. `named` is the index of a sample and its expected id.
 fn crops_show_their_panorama(folder: &Path, panoramas: usize, named: (usize, &str)) {
-    assert_eq!(Layout::detect(folder).unwrap(), Layout::Panoramas);
+    assert_eq!(DatasetLayout::detect(folder).unwrap(), DatasetLayout::Panoramas);
     let model = CropModel { width: 48, height: 32, panorama_height: 128, crops: 2, ..CropModel::default() };
-    let dataset = Layout::Panoramas.open(folder, model).unwrap();
+    let dataset = DatasetLayout::Panoramas.open(folder, model).unwrap();
     assert_eq!(dataset.len(), 2 * panoramas);
     assert_eq!(dataset.get(named.0).unwrap().id, named.1);
     for index in 0..dataset.len() {
         let sample = dataset.get(index).unwrap();
         let mean: f64 = sample.photo.pixels().iter().flatten().map(|&v| f64::from(linear_from_srgb8(v))).sum::<f64>()
             / (3 * 48 * 32) as f64;
-        // what an automatic exposure within ±0.7 stops of its aim gives; lower where the highlights held it back
+        // The result of an automatic exposure within ±0.7 stops of its target; lower where highlights limit it.
         assert!((0.03..0.6).contains(&mean), "{}: {mean}", sample.id);
         let light = sample.radiance.as_ref().unwrap();
         assert!(light.pixels().iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
         assert_eq!(sample.views.len(), 1);
     }
-    // photo and truth agree: the same light, through another projection and resolution
+    // Photo and ground truth agree: the same light in another projection and resolution.
     let fine = CropModel { hfov_deg: lo_sensor::Interval::new(60.0, 60.0), crops: 1, width: 24, height: 16, ..model };
-    let sample = Layout::Panoramas.open(folder, fine).unwrap().get(panoramas.min(3) - 1).unwrap();
+    let sample = DatasetLayout::Panoramas.open(folder, fine).unwrap().get(panoramas.min(3) - 1).unwrap();
     let radiance = sample.radiance.as_ref().unwrap();
     let (mut sum, mut reference) = (0.0, 0.0);
     for y in 0..16 {
@@ -373,37 +373,37 @@ fn frames_are_photos_with_measured_depth() {
     };
     entry(500.0, "[30, 31, 16.5, 11.5]");
     for path in [folder.path(), &list] {
-        assert_eq!(Layout::detect(path).unwrap(), Layout::Frames);
-        let dataset = Layout::Frames.open(path, small()).unwrap();
+        assert_eq!(DatasetLayout::detect(path).unwrap(), DatasetLayout::Frames);
+        let dataset = DatasetLayout::Frames.open(path, small()).unwrap();
         let sample = dataset.get(0).unwrap();
         assert_eq!((dataset.len(), &*dataset.scene_id(0), &*sample.id), (1, "hall", "a"));
         assert_eq!((sample.photo.width(), sample.camera.fy, sample.camera.cx), (32, 31.0, 16.5));
-        // Written in thousandths of a metre, read as 500 to one: twice as far.
+        // Written in millimetres, read as 500 units per metre: twice as far.
         let depth_m = sample.depth_m.unwrap();
         assert_eq!((depth_m.width(), depth_m[(3, 5)], depth_m[(30, 5)]), (32, 4.0, 0.0));
         assert!(dataset.get(1).is_err());
     }
-    let message = || match Layout::Frames.open(&list, small()) {
+    let message = || match DatasetLayout::Frames.open(&list, small()) {
         Err(error) => error.to_string(),
         Ok(dataset) => dataset.get(0).unwrap_err().to_string(),
     };
     entry(0.0, "[30, 31, 16.5, 11.5]");
-    assert!(message().ends_with("frames.json: depth_scale of a.png: 0 units are no metre"), "{}", message());
+    assert!(message().ends_with("frames.json: depth_scale of a.png: 0 is not positive and finite"), "{}", message());
     entry(500.0, "[-30, 31, 16.5, 11.5]");
     assert!(message().contains("intrinsics of a.png"), "{}", message());
     entry(500.0, "[30, 31]");
     assert!(message().contains("frames.json: frames: invalid length 2"), "{}", message());
     std::fs::write(&list, "[]").unwrap();
-    assert!(message().ends_with("frames.json: frames: there are none"), "{}", message());
+    assert!(message().ends_with("frames.json: frames: the list is empty"), "{}", message());
 }
 
 #[test]
 fn unknown_folders_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("letter.txt"), "dear").unwrap();
-    let message = Layout::detect(folder.path()).unwrap_err().to_string();
+    let message = DatasetLayout::detect(folder.path()).unwrap_err().to_string();
     assert!(message.ends_with(
-        "none of the layouts that are known (frames, shards, futurehouse, interiornet, laval-varying, panoramas)"
+        "unknown dataset layout; supported are frames, shards, futurehouse, interiornet, laval-varying, panoramas"
     ));
-    assert!(Layout::detect(&folder.path().join("nowhere")).is_err());
+    assert!(DatasetLayout::detect(&folder.path().join("nowhere")).is_err());
 }

@@ -1,4 +1,4 @@
-//! Shards: what is written comes back, damaged archives give errors, Python's own tools read them.
+//! Shards: round trips, errors of damaged archives, and reading with Python's own tools.
 
 #[path = "../../src/fixture.rs"]
 mod fixture;
@@ -29,7 +29,7 @@ fn samples_come_back_within_the_formats_precision() {
     assert_eq!((&got.id, &got.scene_id, &got.camera), (&expected.id, &expected.scene_id, &expected.camera));
     assert_eq!((&got.photo, &got.up, &got.metadata), (&expected.photo, &expected.up, &expected.metadata));
     let near = |a: f32, b: f32, relative: f32| (a - b).abs() <= relative * b.abs() + 1e-6;
-    // half floats: 2⁻¹¹; the image's exponent takes nothing away from values this bright
+    // Half floats have a precision of 2⁻¹¹; the image's exponent loses nothing at values this bright.
     let light = |a: &Image<[f32; 3]>, b: &Image<[f32; 3]>| {
         a.pixels().iter().flatten().zip(b.pixels().iter().flatten()).all(|(a, b)| near(*a, *b, 5e-4))
     };
@@ -53,7 +53,7 @@ fn samples_come_back_within_the_formats_precision() {
         assert!((a[0] - b[0]).abs() < 0.005);
     }
     for (a, b) in got.points.iter().zip(&expected.points) {
-        // steps of 1.9 m / 65535
+        // Steps of 1.9 m / 65535.
         assert!((a.position_m - b.position_m).length() < 1e-4 && a.provenance == b.provenance);
         assert!(a.radiance.iter().zip(b.radiance).all(|(a, b)| near(*a, b, 1e-3)));
     }
@@ -113,9 +113,12 @@ fn errors_name_archive_member_and_field() {
     };
     assert_eq!(
         message(&json("\"format_version\":1", "\"format_version\":7")),
-        "member a.json: format_version: it is 7; this program reads version 1"
+        "member a.json: format_version: version 7 is not supported; this program reads version 1"
     );
-    assert_eq!(message(&json("\"views\":[0]", "\"views\":[9]")), "member a.json: shots[0].views: it names view 9 of 2");
+    assert_eq!(
+        message(&json("\"views\":[0]", "\"views\":[9]")),
+        "member a.json: shots[0].views: view 9 does not exist; the record has 2"
+    );
     assert!(message(&json("\"fx\":", "\"fx\":-")).starts_with("member a.json: shots[0].camera: focal lengths"));
     assert!(message(&json("\"step_m\":", "\"step_m\":-")).starts_with("member a.json: points.step_m: -"));
     assert!(message(&json("\"gains\":[0.5", "\"gains\":[-0.5")).starts_with("member a.json: shots[0].gains: [-0.5"));
@@ -125,7 +128,7 @@ fn errors_name_archive_member_and_field() {
     assert!(message(&json("{", "")).starts_with("member a.json: header: "));
     assert_eq!(
         message(&|name, _| name != "a.shot0.depth.npy"),
-        "member a.shot0.depth.npy: file: it is not in the archive"
+        "member a.shot0.depth.npy: file: missing from the archive"
     );
     let cut = |name: &str, bytes: &mut Vec<u8>| {
         if name == "a.shot0.radiance.npy" {
@@ -144,7 +147,7 @@ fn errors_name_archive_member_and_field() {
     assert_eq!(message(&nan), "member a.view0.radiance.npy: value 383: radiance NaN");
 }
 
-/// Writes record `a` with its members changed or, where `mutate` says so, left out.
+/// Writes record `a` with its members changed, or omitted where `mutate` returns false.
 fn rewrite(path: &Path, mutate: &dyn Fn(&str, &mut Vec<u8>) -> bool) {
     use std::io::Read;
     write(path, &[record("a")]);
@@ -171,7 +174,7 @@ fn truncated_archives_give_errors_at_every_length() {
     let path = folder.path().join("a.tar");
     write(&path, &[record("a")]);
     let bytes = std::fs::read(&path).unwrap();
-    // the archive's two empty blocks, and the padding of its last member, are no loss
+    // The archive's two empty blocks and the padding of its last member are not needed.
     for length in (0..bytes.len() - 3 * 512).step_by(97) {
         std::fs::write(&path, &bytes[..length]).unwrap();
         let opened = Shards::open(&path);
@@ -201,7 +204,7 @@ proptest! {
     }
 }
 
-/// The snippet of `docs/data.md`.
+/// Runs the snippet of `docs/data.md`.
 #[test]
 #[ignore = "needs python3 with numpy and Pillow; run with: cargo test -p lo_dataset --test it shards:: -- --ignored"]
 fn python_reads_a_shard_with_tarfile_and_numpy() {
@@ -216,6 +219,6 @@ fn python_reads_a_shard_with_tarfile_and_numpy() {
         .output()
         .unwrap();
     let (out, error) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    // the farthest reading: 1 + 0.1234 · 18 m
+    // The farthest reading: 1 + 0.1234 · 18 m.
     assert!(out.ends_with("(12, 8) (8, 12, 3) 3.221 20\n"), "{out}{error}");
 }

@@ -1,4 +1,4 @@
-//! Light whose amount is known: furnaces, lamps over a point, sky and sun through a window.
+//! Scenes with known solutions: furnaces, lamps over a point, sky and sun through a window.
 
 use std::f64::consts::PI;
 
@@ -6,8 +6,8 @@ use crate::support::{Builder, furnace, mean, panorama, photo};
 use lo_geometry::Vec3;
 use lo_transport::{BakeSettings, BakedWorld, PathTracer, Portal, Sun};
 
-/// Share of light from all sides that a rough plastic of the given base colour reflects: GGX of roughness 0.9, f0 0.04 over
-/// Lambert, by the midpoint rule in f64 over view and light directions.
+/// Returns the share of uniform light that a rough plastic of the given base colour reflects: GGX of roughness 0.9 and
+/// f0 0.04 over Lambert. Midpoint rule in f64 over view and light directions.
 fn reflected(base: f64) -> f64 {
     let (alpha2, count) = (0.9_f64.powi(4), 60);
     let mut mean = 0.0;
@@ -38,7 +38,7 @@ fn furnaces_glow_by_the_geometric_series() {
         let emission = (1.0 - share) as f32;
         // L = E / (1 − ρ) = 1 everywhere.
         let baked = BakedWorld::bake(furnace(base, emission), &BakeSettings::default()).unwrap();
-        // At a slant the gloss shows more: views are compared with the path tracer's.
+        // Gloss is stronger at grazing angles, so views are compared with the path tracer's.
         let tracer = PathTracer::new(furnace(base, emission), 1).unwrap();
         let view = panorama(Vec3::new(0.2, 1.1, 0.3), 24);
         let (found, truth) = (mean(&baked.render(&view).radiance), mean(&tracer.render(&view, 64)));
@@ -49,8 +49,8 @@ fn furnaces_glow_by_the_geometric_series() {
     }
 }
 
-/// Irradiance in the origin, facing +Y, by a parallel rectangle `x` × `z` at height `h` above it, of radiance 1: four times
-/// the corner formula (Howell, Siegel & Mengüç, configuration B-3), times π.
+/// Returns the irradiance at the origin, facing +Y, by a parallel rectangle `x` × `z` at height `h` of radiance 1: four
+/// times the corner formula (Howell, Siegel & Mengüç, configuration B-3), times π.
 fn under_rectangle(x: f64, z: f64, h: f64) -> f64 {
     let (a, b) = (0.5 * x / h, 0.5 * z / h);
     let (ra, rb) = ((1.0 + a * a).sqrt(), (1.0 + b * b).sqrt());
@@ -67,20 +67,21 @@ fn reference_meets_closed_forms() {
     let expected = under_rectangle(1.2, 0.8, 1.5);
     assert!((f64::from(g) / expected - 1.0).abs() < 0.005 && (r / g - 2.0).abs() < 1e-3, "{g} for {expected}");
 
-    // A ball that stands wholly above the horizon: E = π L (r / d)² cos θ.
+    // A ball entirely above the horizon: E = π L (r / d)² cos θ.
     let mut b = Builder::new();
     let lamp = b.lamp([1.0; 3]);
     b.ball(Vec3::new(0.0, 2.0, 1.0), 0.5, 64, lamp);
     let tracer = PathTracer::new(b.world([0.0; 3], None, Vec::new()), 1).unwrap();
     let [e, ..] = tracer.irradiance(Vec3::ZERO, Vec3::Y, 40_000, 0);
     let expected = PI * 0.25 / 5.0 * (2.0 / 5.0_f64.sqrt());
-    // 64 × 128 faces lie inside the ball by 0.1 %.
+    // 64 × 128 faces are inside the ball by 0.1 %.
     assert!((f64::from(e) / expected - 1.0).abs() < 0.01, "{e} for {expected}");
 }
 
-/// A black box with a matte floor and a window from y = 1 to 2 m and 1.6 m wide in the wall x = 2 m; its corner and edges.
+/// Adds a black box with a matte floor, and a window from y = 1 to 2 m and 1.6 m wide in the wall x = 2 m. Returns the
+/// window.
 fn cell(b: &mut Builder, floor: f32) -> Portal {
-    // What shows its own black reflects nothing at all.
+    // An unlit black material reflects nothing at all.
     let black = lo_mesh::Material { unlit: true, base_color: [0.0, 0.0, 0.0, 1.0], ..lo_mesh::Material::default() };
     let (black, floor) = (b.material(black), b.matte([floor; 3]));
     let at = |y: f32, z: f32| Vec3::new(2.0, y, z);
@@ -97,7 +98,8 @@ fn cell(b: &mut Builder, floor: f32) -> Portal {
     Portal { corner: at(1.0, -0.8), edges: [Vec3::Z * 1.6, Vec3::Y] }
 }
 
-/// Irradiance on the floor at (x, 0, 0) by the window, of radiance 1 in all directions: midpoint rule in f64.
+/// Returns the irradiance on the floor at (x, 0, 0) by the window of radiance 1 in all directions. Midpoint rule in
+/// f64.
 fn by_window(x: f64) -> f64 {
     let count = 400;
     let mut sum = 0.0;
@@ -110,8 +112,8 @@ fn by_window(x: f64) -> f64 {
     sum
 }
 
-/// Irradiance of the floor about (x, 0, 0): by how much a floor of albedo 0.5 is brighter, seen from straight above, than a
-/// black one, whose gloss is the same.
+/// Returns the irradiance of the floor around (x, 0, 0): the radiance of a floor of albedo 0.5 minus that of a black
+/// one with the same gloss, seen from above.
 fn floor_irradiance([grey, black]: &[BakedWorld; 2], x: f32) -> f64 {
     // Pixels of 1.6 cm: the filter mixes light over a dozen of them.
     let view = photo(Vec3::new(x, 2.0, 0.0), 0.0, -std::f32::consts::FRAC_PI_2, [192, 192]);
@@ -119,7 +121,7 @@ fn floor_irradiance([grey, black]: &[BakedWorld; 2], x: f32) -> f64 {
         let image = baked.render(&view).radiance;
         (0..16).map(|i| f64::from(image[(94 + i % 4, 94 + i / 4)][1])).sum::<f64>() / 16.0
     };
-    // 4 % of light along the normal does not get below the gloss (GGX of this roughness masks some of it).
+    // 4 % of the light along the normal does not pass the gloss (GGX of this roughness masks some of it).
     (radiance(grey) - radiance(black)) / (0.5 * 0.965 / PI)
 }
 
@@ -152,7 +154,7 @@ fn sun_through_a_window_lights_its_patch_alone() {
     };
     let tracer = PathTracer::new(world(0.5), 3).unwrap();
     let baked = [0.5, 0.0].map(|floor| BakedWorld::bake(world(floor), &BakeSettings::default()).unwrap());
-    // The patch reaches from x = 2 − 2 · 2 / 1.5 to 2 − 1 · 2 / 1.5.
+    // The patch extends from x = 2 − 2 · 2 / 1.5 to 2 − 1 · 2 / 1.5.
     let lit = 10_000.0 * PI * 0.005_f64.powi(2) * 0.6;
     for (x, expected) in [(0.0, lit), (-0.4, lit), (1.2, 0.0), (-1.2, 0.0)] {
         let reference = f64::from(tracer.irradiance(Vec3::new(x, 1e-4, 0.0), Vec3::Y, 4000, 1)[1]);
@@ -162,13 +164,13 @@ fn sun_through_a_window_lights_its_patch_alone() {
     }
 }
 
-/// The edge of a shadow on the ground, with the sun as a point: pixels across it show the share of them that is lit.
+/// The edge of a shadow on the ground, with the sun as a point. Pixels across it show the lit share of their area.
 #[test]
 fn edges_of_sunny_patches_cover_pixels_as_lines_do() {
     let mut builder = Builder::new();
     let white = builder.matte([0.6; 3]);
     builder.sheet(Vec3::new(-4.0, 0.0, -4.0), Vec3::X * 8.0, Vec3::Z * 8.0, [8, 8], white);
-    // A roof whose edge runs slantwise, seen by nobody, right above the camera's height.
+    // A roof with a slanted edge, outside the view, just above the camera's height.
     let (along, aside) = (Vec3::new(1.0, 0.0, 0.21).normalize(), Vec3::new(-0.21, 0.0, 1.0).normalize());
     builder.sheet(Vec3::Y * 3.0 - along * 4.0, aside * -4.0, along * 8.0, [4, 4], white);
     let sun = Sun { direction: Vec3::Y, angular_radius_rad: 1e-4, radiance: [3e7; 3] };
@@ -180,7 +182,7 @@ fn edges_of_sunny_patches_cover_pixels_as_lines_do() {
         },
         portals: Vec::new(),
     };
-    // Straight down, +x to the right in the picture and −z up.
+    // Straight down, +x to the right in the image and −z up.
     let camera = lo_geometry::Camera::from_hfov_deg(40.0, 240, 160).unwrap();
     let pose = lo_transport::Pose {
         position: Vec3::Y * 2.5,
@@ -210,6 +212,6 @@ fn edges_of_sunny_patches_cover_pixels_as_lines_do() {
         (sum / f64::from(pixels)).sqrt()
     };
     let (usual, asked) = (error(false), error(true));
-    // 52 samples of a pixel leave 0.5 / √52 = 0.07 at most
+    // 52 samples of a pixel leave an error of at most 0.5 / √52 = 0.07.
     assert!(asked < 0.07 && usual > 1.5 * asked, "{asked}, {usual} without");
 }

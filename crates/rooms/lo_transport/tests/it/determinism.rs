@@ -1,4 +1,4 @@
-//! The same light on any number of threads, and errors instead of panics.
+//! Determinism across thread counts, and errors instead of panics.
 
 use crate::support::{Builder, RoomLight, cornell, living_room, panorama, photo};
 use lo_geometry::Vec3;
@@ -36,14 +36,14 @@ fn views_measure_depth_and_normals() {
         assert!((Vec3::from(made.normal[pixel]) - Vec3::Z).length() < 1e-4);
         assert_eq!(made.albedo[pixel], [0.73; 3]);
     }
-    // A panorama measures along the ray.
+    // A panorama's depth is measured along the ray.
     let made = baked.render(&panorama(Vec3::new(1.5, 4.6, 2.7), 32));
     let direction = lo_geometry::pixel_direction(30, 15, 64, 32);
     assert!((made.depth_m[(30, 15)] - 5.5 / -direction.z).abs() < 1e-2);
 }
 
 #[test]
-fn worlds_that_cannot_be_are_refused() {
+fn invalid_worlds_are_rejected() {
     let bake = |change: &dyn Fn(&mut lo_transport::World)| {
         let mut world = cornell();
         change(&mut world);

@@ -1,4 +1,4 @@
-//! Light transport against closed forms and path tracing. One binary, so that it is linked once.
+//! Light transport against closed forms and path tracing. A single binary, so that it is linked once.
 #![allow(clippy::unwrap_used)]
 
 mod support;

@@ -1,4 +1,4 @@
-//! Surface points: what an octree is made of holds the light that is seen in the room.
+//! Surface points, from which octrees are built, hold the light seen in the room.
 
 use crate::support::{Builder, RoomLight, living_room};
 use lo_geometry::Vec3;
@@ -19,7 +19,7 @@ fn with_cupboard() -> Vec<RadiancePoint> {
     let lamp = b.lamp([10.0; 3]);
     b.room(Vec3::new(4.0, 2.5, 4.0), 2, grey);
     b.sheet(Vec3::new(-0.5, 2.49, -0.5), Vec3::X, Vec3::Z, [2, 2], lamp);
-    // Six boards of 2 cm around 1 × 1 × 0.5 m of darkness; the edges overlap.
+    // Six boards of 2 cm around an unlit 1 × 1 × 0.5 m. Their edges overlap.
     let (center, size, t) = (Vec3::new(0.0, 0.52, -1.7), Vec3::new(1.0, 1.0, 0.5), 0.02);
     for axis in 0..3 {
         for side in [-1.0, 1.0] {
@@ -39,8 +39,8 @@ fn with_cupboard() -> Vec<RadiancePoint> {
 fn insides_of_boards_and_cupboards_do_not_darken_their_outsides() {
     let points = with_cupboard();
     assert!(mean(&points, |p| p.x.abs() < 0.45 && (0.1..0.9).contains(&p.y) && (p.z + 1.7).abs() < 0.2).is_none());
-    // The top of the cupboard is as bright as light from straight above makes it, its depth of 2 cm notwithstanding: the point
-    // below the lamp's middle, 1.45 m away, alone gets more than 2.4 of irradiance, by the corner formula of rectangles.
+    // The cupboard's top is as bright as light from above makes it, although it is only 2 cm thick. The point below the
+    // lamp's centre, 1.45 m away, receives an irradiance above 2.4 by the corner formula of rectangles.
     let top = |p: Vec3| p.x.abs() < 0.4 && (p.y - 1.03).abs() < 0.02 && (p.z + 1.7).abs() < 0.2;
     let faces: Vec<&RadiancePoint> = points.iter().filter(|p| top(p.position_m)).collect();
     assert!(!faces.is_empty());
@@ -66,7 +66,7 @@ fn a_window_shows_the_sky_that_the_room_sees() {
     let points = BakedWorld::bake(world, &BakeSettings::default()).unwrap().radiance_points(LEAF_M).points;
     let window: Vec<&RadiancePoint> =
         points.iter().filter(|p| p.position_m.z < -1.999 && p.position_m.x.abs() < 1.9).collect();
-    // Eight for each square of a leaf's size, and nothing but the sky on them.
+    // Eight points per leaf face, and only the sky's radiance on them.
     assert!(window.len() > (7.5 * 3.8 * 2.5 / (LEAF_M * LEAF_M)) as usize, "{}", window.len());
     assert!(
         window

@@ -1,5 +1,5 @@
-//! Rendered views against the brute-force path tracer. PSNR is of pictures under the tone curve x / (1 + x), x being radiance
-//! over the mean of the true picture, without the truth's own noise.
+//! Rendered views against the path tracer. PSNR is computed on images under the tone curve x / (1 + x), with x in units
+//! of the true image's mean. The reference's own noise is excluded.
 
 use crate::support::{RoomLight, cornell, living_room, mean, panorama, psnr_db};
 use lo_geometry::Vec3;
@@ -9,9 +9,9 @@ use lo_transport::{BakeSettings, BakedWorld, PathTracer, View, World};
 
 struct Agreement {
     psnr_db: f32,
-    /// Mean found over true mean.
+    /// Mean over the true mean.
     mean: f32,
-    /// The same over the darkest third of the pixels.
+    /// Mean over the true mean, in the darkest third of the pixels.
     shadow: f32,
 }
 
@@ -28,8 +28,8 @@ fn compare(world: &World, view: &View, samples: u32) -> Agreement {
     agreement
 }
 
-/// Ratio of the means over the pixels whose 5 × 5 surroundings are darkest in truth. Another truth says which these are: those that are
-/// dark by the first one's noise would make it too dark.
+/// Returns the ratio of means over the pixels whose 5 × 5 surroundings are darkest. A second reference selects them.
+/// Selection by the first would favour pixels that are dark by its noise.
 fn shadow(found: &RadianceImage, [truth, other]: [&RadianceImage; 2]) -> f32 {
     let (width, height) = (truth.width() as i64, truth.height() as i64);
     let around = |image: &RadianceImage, i: i64| -> f32 {

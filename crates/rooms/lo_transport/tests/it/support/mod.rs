@@ -1,4 +1,4 @@
-//! Test rooms, built triangle by triangle, and comparison of pictures.
+//! Test rooms, built triangle by triangle, and image comparison.
 #![allow(dead_code)]
 
 use lo_geometry::{Camera, Quat, Vec3};
@@ -6,7 +6,7 @@ use lo_imaging::{Image, RadianceImage};
 use lo_mesh::{Material, Model};
 use lo_transport::{Outdoors, Portal, Pose, Sun, View, World};
 
-/// A model that grows.
+/// Builder of a triangle model.
 pub struct Builder {
     pub model: Model,
 }
@@ -35,7 +35,7 @@ impl Builder {
         })
     }
 
-    /// A parallelogram cut into `n` × `m` pieces; its front is where `a × b` points.
+    /// Adds a parallelogram cut into `n` × `m` pieces. `a × b` points to its front.
     pub fn sheet(&mut self, corner: Vec3, a: Vec3, b: Vec3, [n, m]: [u32; 2], material: u32) {
         let first = self.model.positions.len() as u32;
         let normal = a.cross(b).normalize();
@@ -59,13 +59,13 @@ impl Builder {
         self.model.triangle_materials.push(material);
     }
 
-    /// A solid box turned about +Y, its front outside, each face cut into `n` × `n`.
+    /// Adds a solid box rotated about +Y, its front outside. Each face is cut into `n` × `n`.
     pub fn solid(&mut self, center: Vec3, size: Vec3, yaw_rad: f32, n: u32, material: u32) {
         let turn = Quat::from_rotation_y(yaw_rad);
         self.boxed(center, size, turn, [n; 3], material, 1.0);
     }
 
-    /// A room from inside, each face cut into `n` × `n`.
+    /// Adds a room seen from inside. Each face is cut into `n` × `n`.
     pub fn room(&mut self, size: Vec3, n: u32, material: u32) {
         self.boxed(size * Vec3::new(0.0, 0.5, 0.0), size, Quat::IDENTITY, [n; 3], material, -1.0);
     }
@@ -85,7 +85,7 @@ impl Builder {
         }
     }
 
-    /// A ball of 2 · `n`² faces.
+    /// Adds a ball of 2 · `n`² faces.
     pub fn ball(&mut self, center: Vec3, radius: f32, n: u32, material: u32) {
         let first = self.model.positions.len() as u32;
         for j in 0..=n {
@@ -110,7 +110,7 @@ impl Builder {
         }
     }
 
-    /// An open tube about +Y, its front outside, wider below.
+    /// Adds an open tube about +Y, its front outside, with the radii at the bottom and the top.
     pub fn tube(&mut self, base: Vec3, radii: [f32; 2], height: f32, n: u32, material: u32) {
         let first = self.model.positions.len() as u32;
         for j in 0..=4 {
@@ -138,7 +138,7 @@ impl Builder {
     }
 }
 
-/// A box of one colour, of which every face gives off the same light.
+/// Returns a box of one colour in which every face emits the same radiance.
 pub fn furnace(albedo: f32, emission: f32) -> World {
     let mut b = Builder::new();
     let wall = b.material(Material {
@@ -151,7 +151,7 @@ pub fn furnace(albedo: f32, emission: f32) -> World {
     b.world([0.0; 3], None, Vec::new())
 }
 
-/// A box 5.5 m wide like the one at Cornell: red and green walls, a panel in the ceiling, two blocks.
+/// Returns a Cornell box 5.6 m wide: red and green walls, a panel in the ceiling, two blocks.
 pub fn cornell() -> World {
     let mut b = Builder::new();
     let (white, red, green) = (b.matte([0.73; 3]), b.matte([0.63, 0.065, 0.05]), b.matte([0.14, 0.45, 0.09]));
@@ -172,15 +172,15 @@ pub fn cornell() -> World {
     b.world([0.0; 3], None, Vec::new())
 }
 
-/// What a furnished room is lit by.
+/// Light sources of a furnished room.
 pub struct RoomLight {
     pub sky: [f32; 3],
     pub sun: Option<[f32; 3]>,
     pub lamps: bool,
 }
 
-/// A furnished living room of some tens of thousands of triangles: window with pane and curtain, lamps with and without
-/// shades, tables, shelves with books, sofa, rug, mirror, a polished floor and metal.
+/// Returns a furnished living room of some tens of thousands of triangles: window with pane and curtain, lamps with and
+/// without shades, tables, shelves with books, sofa, rug, mirror, a polished floor and metal.
 pub fn living_room(light: &RoomLight) -> World {
     let mut b = Builder::new();
     let plain = |color: [f32; 3], roughness: f32, metallic: f32| Material {
@@ -287,13 +287,13 @@ pub fn photo(position: Vec3, yaw_rad: f32, pitch_rad: f32, [width, height]: [u32
     View::Pinhole { pose: Pose { position, rotation }, camera }
 }
 
-/// x / (1 + x) of radiance divided by `white`.
+/// Applies x / (1 + x) to radiance divided by `white`.
 fn shown(image: &RadianceImage, white: f32) -> Vec<f32> {
     image.pixels().iter().flatten().map(|v| v / (v + white)).collect()
 }
 
-/// PSNR in dB of tone-mapped pictures, the curve being x / (1 + x) with x in units of the truth's mean. The truth is given
-/// twice, with independent noise: the mean product of both differences is free of it.
+/// Returns the PSNR in dB of tone-mapped images. The curve is x / (1 + x) with x in units of the truth's mean. The
+/// truth is given twice with independent noise, so that the mean product of both differences is free of it.
 pub fn psnr_db(found: &RadianceImage, truth: [&RadianceImage; 2]) -> f32 {
     let white = mean(truth[0]);
     let (x, [a, b]) = (shown(found, white), truth.map(|t| shown(t, white)));
@@ -302,7 +302,7 @@ pub fn psnr_db(found: &RadianceImage, truth: [&RadianceImage; 2]) -> f32 {
     (-10.0 * mse.max(1e-9).log10()) as f32
 }
 
-/// Mean of all channels and pixels.
+/// Returns the mean of all channels and pixels.
 pub fn mean(image: &RadianceImage) -> f32 {
     (image.pixels().iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / (3 * image.pixels().len()) as f64) as f32
 }

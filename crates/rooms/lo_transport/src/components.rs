@@ -1,46 +1,46 @@
-//! Connected parts of a model, and which of them are solid.
+//! Connected components of a model, and the detection of solids among them.
 
 use std::collections::{HashMap, HashSet};
 
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::{Model, offset_origin};
 
-use crate::lights::{Emitters, Source};
-use crate::places::Place;
+use crate::lights::{EmitterShape, Emitters};
+use crate::surface_samples::SurfaceSample;
 use crate::traced_world::TracedWorld;
 
-/// Number that stands for all parts.
-pub(crate) const ANY_PART: u32 = 0xf_ffff;
+/// Index that stands for all components.
+pub(crate) const ANY_COMPONENT: u32 = 0xf_ffff;
 
-/// Number of what lies under the open sky.
-pub(crate) const OUTSIDE_PART: u32 = ANY_PART - 1;
+/// Index of surfaces under the open sky.
+pub(crate) const OUTSIDE_COMPONENT: u32 = ANY_COMPONENT - 1;
 
-/// Parts are told apart up to this number.
-const MAX_PARTS: u32 = OUTSIDE_PART - 1;
+/// Number of components that are distinguished.
+const MAX_COMPONENTS: u32 = OUTSIDE_COMPONENT - 1;
 
-/// Most lights that are looked for in closed surfaces.
-const MAX_LIGHTS: usize = 256;
+/// Maximum number of emitters that are tested for being enclosed.
+const MAX_EMITTERS: usize = 256;
 
-/// Most surfaces that a ray out of closed surfaces crosses.
+/// Maximum number of surfaces that an enclosure ray crosses.
 const MAX_CROSSED: usize = 1024;
 
-/// Triangles that share corners, by position.
-pub(crate) struct Parts {
-    /// Number of each triangle's part; 0 for small ones, which share their surfels.
-    number: Vec<u32>,
-    /// The side of each triangle that faces into a solid.
-    inside: Vec<Inside>,
+/// Components: triangles that share corner positions.
+pub(crate) struct Components {
+    /// Component of each triangle. Small components share 0, and with it their surfels.
+    index: Vec<u32>,
+    /// Side of each triangle that faces into a solid.
+    solid_side: Vec<SolidSide>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Inside {
+enum SolidSide {
     None,
     Front,
     Back,
 }
 
-impl Parts {
-    /// Finds the parts; those smaller than `least_m2` get number 0.
+impl Components {
+    /// Finds the components. Those with less area than `least_m2` get index 0.
     pub(crate) fn find(world: &TracedWorld, emitters: &Emitters, areas: &[f64], least_m2: f64) -> Self {
         let model = world.prepared.model();
         let corners = corners(model);
@@ -49,60 +49,60 @@ impl Parts {
         for (root, area) in roots.iter().zip(areas) {
             *size.entry(*root).or_default() += area;
         }
-        let mut numbers: HashMap<u32, u32> = HashMap::new();
-        let numbered = |root: &u32| {
+        let mut indices: HashMap<u32, u32> = HashMap::new();
+        let indexed = |root: &u32| {
             if size[root] < least_m2 {
                 return 0;
             }
-            let next = numbers.len() as u32 % MAX_PARTS + 1;
-            *numbers.entry(*root).or_insert(next)
+            let next = indices.len() as u32 % MAX_COMPONENTS + 1;
+            *indices.entry(*root).or_insert(next)
         };
-        let number = roots.iter().map(numbered).collect();
+        let index = roots.iter().map(indexed).collect();
         let mut solids = closed(model, &corners, &roots);
-        for lit in around_lights(world, emitters, &roots) {
+        for lit in enclosing_lights(world, emitters, &roots) {
             solids.remove(&lit);
         }
-        let inside = |(triangle, root): (usize, &u32)| {
+        let solid_side = |(triangle, root): (usize, &u32)| {
             let material = &model.materials[model.triangle_materials[triangle] as usize];
             match solids.get(root) {
-                // Light gets into glass and behind cloth.
-                Some(_) if material.transmission > 0.0 || material.diffuse_transmission > 0.0 => Inside::None,
-                Some(&volume_m3) if volume_m3 > 0.0 => Inside::Back,
-                Some(_) => Inside::Front,
-                None => Inside::None,
+                // Light enters glass and passes through cloth.
+                Some(_) if material.transmission > 0.0 || material.diffuse_transmission > 0.0 => SolidSide::None,
+                Some(&volume_m3) if volume_m3 > 0.0 => SolidSide::Back,
+                Some(_) => SolidSide::Front,
+                None => SolidSide::None,
             }
         };
-        let inside = roots.iter().enumerate().map(inside).collect();
-        Self { number, inside }
+        let solid_side = roots.iter().enumerate().map(solid_side).collect();
+        Self { index, solid_side }
     }
 
-    /// Number of a triangle's part.
+    /// Returns the component of a triangle.
     pub(crate) fn of(&self, triangle: u32) -> u32 {
-        self.number[triangle as usize]
+        self.index[triangle as usize]
     }
 
-    /// Whether a place faces into a solid.
-    pub(crate) fn is_inside(&self, place: &Place) -> bool {
-        match self.inside[place.triangle as usize] {
-            Inside::None => false,
-            Inside::Front => place.is_front,
-            Inside::Back => !place.is_front,
+    /// Whether a surface sample faces into a solid.
+    pub(crate) fn faces_solid(&self, sample: &SurfaceSample) -> bool {
+        match self.solid_side[sample.triangle as usize] {
+            SolidSide::None => false,
+            SolidSide::Front => sample.is_front,
+            SolidSide::Back => !sample.is_front,
         }
     }
 }
 
-/// For each vertex the first one at its position.
+/// Maps each vertex to the first vertex at the same position.
 fn corners(model: &Model) -> Vec<u32> {
     let mut at_position: HashMap<[u32; 3], u32> = HashMap::with_capacity(model.positions.len());
     let first = |(vertex, position): (usize, &Vec3)| {
-        // Adding zero makes -0 and 0 one.
+        // Adding zero turns -0 into 0.
         let bits = (*position + Vec3::ZERO).to_array().map(f32::to_bits);
         *at_position.entry(bits).or_insert(vertex as u32)
     };
     model.positions.iter().enumerate().map(first).collect()
 }
 
-/// A vertex of each triangle's part, the same for the whole part.
+/// Returns a representative vertex per triangle, equal for all triangles of a component.
 fn roots(model: &Model, corners: &[u32]) -> Vec<u32> {
     let mut parent = corners.to_vec();
     fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
@@ -122,8 +122,8 @@ fn roots(model: &Model, corners: &[u32]) -> Vec<u32> {
     model.triangles.iter().map(|triangle| root(&mut parent, triangle[0])).collect()
 }
 
-/// Parts that are closed, with their volume: positive where the fronts of the triangles look out. In a closed part each edge is
-/// passed as often one way as the other.
+/// Returns the closed components with their signed volume: positive if the triangles' fronts face outwards. In a closed
+/// component each edge is traversed equally often in both directions.
 fn closed(model: &Model, corners: &[u32], roots: &[u32]) -> HashMap<u32, f64> {
     let mut passed: HashMap<(u32, u32), (u32, i32)> = HashMap::with_capacity(3 * roots.len() / 2);
     let mut volumes: HashMap<u32, f64> = HashMap::new();
@@ -146,21 +146,21 @@ fn closed(model: &Model, corners: &[u32], roots: &[u32]) -> HashMap<u32, f64> {
     volumes
 }
 
-/// Parts that are wound around lights: rooms, lanterns.
-fn around_lights(world: &TracedWorld, emitters: &Emitters, roots: &[u32]) -> HashSet<u32> {
+/// Returns the components that enclose emitters: rooms, lanterns.
+fn enclosing_lights(world: &TracedWorld, emitters: &Emitters, roots: &[u32]) -> HashSet<u32> {
     let model = world.prepared.model();
     let mut found = HashSet::new();
-    let step = emitters.list.len().div_ceil(MAX_LIGHTS).max(1);
+    let step = emitters.list.len().div_ceil(MAX_EMITTERS).max(1);
     let sides = emitters.list.iter().step_by(step).flat_map(|emitter| {
-        let center = match emitter.source {
-            Source::Triangle { .. } => emitter.corner + (emitter.edges[0] + emitter.edges[1]) / 3.0,
-            Source::Portal => emitter.corner + (emitter.edges[0] + emitter.edges[1]) / 2.0,
+        let center = match emitter.shape {
+            EmitterShape::Triangle { .. } => emitter.corner + (emitter.edges[0] + emitter.edges[1]) / 3.0,
+            EmitterShape::Portal => emitter.corner + (emitter.edges[0] + emitter.edges[1]) / 2.0,
         };
         let sides = [emitter.normal, -emitter.normal].into_iter().zip(emitter.radiance);
         sides.filter(|(_, radiance)| *radiance != Vec3::ZERO).map(move |(normal, _)| offset_origin(center, normal))
     });
     for origin in sides {
-        // Askew, so that it passes between the edges of what people build.
+        // An oblique direction is unlikely to hit edges of man-made geometry.
         let direction = Vec3::new(0.267_3, 0.801_8, 0.534_5).normalize();
         let mut ray = Ray { origin, direction };
         let mut winding: HashMap<u32, i32> = HashMap::new();

@@ -1,37 +1,37 @@
-//! Which part of a probe's panorama the photo shows.
+//! Part of a probe's panorama that the photo observes.
 
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::DepthMap;
 
 use crate::{NovelView, Sample};
 
-/// A surface counts as seen where the photo's depth differs by no more than this, metres, and this share of the
-/// distance: a panorama's pixel covers some centimetres of a surface, more of an oblique one.
+/// Tolerance between the photo's depth and a surface point, in metres and relative to the depth. A panorama's pixel
+/// covers some centimetres of a surface, more at grazing angles.
 const TOLERANCE_M: f64 = 0.1;
 const TOLERANCE_SHARE: f64 = 0.03;
 
-/// A probe this near to the camera, metres, sees what it sees in each direction.
+/// A probe within this distance of the camera, in metres, sees the same in each direction.
 const AT_CAMERA_M: f32 = 1e-3;
 
-/// For every pixel of the view's panorama, row by row: whether the photo shows what is there.
+/// Returns for every pixel of the view's panorama, row by row, whether the photo observes that surface.
 ///
-/// With depth at both ends: the surface point lies in the picture and is the one that the photo's true depth says; open
-/// sky is seen where the photo has open sky in that direction. Without: the camera's own frustum, for a probe at the
-/// camera; for others nothing can be said (`None`).
-pub fn seen_mask(sample: &Sample, view: &NovelView) -> Option<Vec<bool>> {
+/// With depth maps of both, a surface point is observed if it projects into the photo and its depth matches the photo's
+/// true depth. Open sky is observed where the photo has open sky in that direction. Without depth, a probe at the
+/// camera observes the camera's frustum; for other probes the result is unknown (`None`).
+pub fn observed_mask(sample: &Sample, view: &NovelView) -> Option<Vec<bool>> {
     let (width, height) = (view.radiance.width(), view.radiance.height());
     let directions = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let directions = directions.map(|(x, y)| ((x, y), view.rotation * pixel_direction(x, y, width, height)));
     match (&view.depth_m, &sample.depth_m) {
         (Some(distance_m), Some(depth_m)) => {
-            let seen = |((x, y), direction): ((usize, usize), Vec3)| {
-                // the two maps may differ in size
+            let observed = |((x, y), direction): ((usize, usize), Vec3)| {
+                // The two maps may differ in size.
                 let distance = distance_m[(x * distance_m.width() / width, y * distance_m.height() / height)];
                 let open = !(distance.is_finite() && distance > 0.0);
                 let point = if open { direction } else { view.position_m + direction * distance };
-                shows(sample, depth_m, point, open)
+                is_observed(sample, depth_m, point, open)
             };
-            Some(directions.map(seen).collect())
+            Some(directions.map(observed).collect())
         }
         _ if view.position_m.length() < AT_CAMERA_M => {
             Some(directions.map(|(_, direction)| pixel_of(sample, direction).is_some()).collect())
@@ -40,8 +40,8 @@ pub fn seen_mask(sample: &Sample, view: &NovelView) -> Option<Vec<bool>> {
     }
 }
 
-/// Whether the photo shows a surface point or, where `open`, the sky in that direction.
-fn shows(sample: &Sample, depth_m: &DepthMap, point: Vec3, open: bool) -> bool {
+/// Whether the photo shows a surface point or, if `open`, the sky in that direction.
+fn is_observed(sample: &Sample, depth_m: &DepthMap, point: Vec3, open: bool) -> bool {
     pixel_of(sample, point).is_some_and(|([u, v], z)| {
         let column = (u * depth_m.width() as f64) as usize;
         let row = (v * depth_m.height() as f64) as usize;
@@ -51,11 +51,11 @@ fn shows(sample: &Sample, depth_m: &DepthMap, point: Vec3, open: bool) -> bool {
     })
 }
 
-/// Place in the picture, each coordinate in `[0, 1)`, and depth; `None` outside of it.
+/// Projects a point into the photo: coordinates in `[0, 1)`, and depth. `None` outside of the image.
 fn pixel_of(sample: &Sample, point: Vec3) -> Option<([f64; 2], f64)> {
     let (u, v, z) = sample.camera.project(point)?;
-    let place = [u / f64::from(sample.camera.width), v / f64::from(sample.camera.height)];
-    place.iter().all(|t| (0.0..1.0).contains(t)).then_some((place, z))
+    let position = [u / f64::from(sample.camera.width), v / f64::from(sample.camera.height)];
+    position.iter().all(|t| (0.0..1.0).contains(t)).then_some((position, z))
 }
 
 #[cfg(test)]
@@ -66,7 +66,7 @@ mod tests {
     use lo_geometry::{Camera, Quat, pixel_solid_angle_sr};
     use lo_imaging::{Image, RadianceImage};
 
-    /// 65 degrees across, nothing but a photo.
+    /// A sample with only a photo, 65 degrees wide.
     fn sample() -> Sample {
         Sample {
             id: "room-0".to_owned(),
@@ -101,21 +101,21 @@ mod tests {
             radiance: RadianceImage::new(512, 256, vec![[1.0; 3]; 512 * 256]),
             depth_m: None,
         };
-        let mask = seen_mask(&sample, &view).unwrap();
+        let mask = observed_mask(&sample, &view).unwrap();
         let angle = |(index, _): (usize, &bool)| pixel_solid_angle_sr(index / 512, 512, 256);
         let got: f32 = mask.iter().enumerate().filter(|(_, seen)| **seen).map(angle).sum();
-        // a centred rectangle a × b at distance 1: 4 asin(ab / √((1 + a²)(1 + b²)))
+        // A centred rectangle a × b at distance 1: 4 asin(ab / √((1 + a²)(1 + b²))).
         let camera = sample.camera;
         let (a, b) = (camera.cx / camera.fx, camera.cy / camera.fy);
         let expected = 4.0 * (a * b / ((1.0 + a * a) * (1.0 + b * b)).sqrt()).asin();
         assert!((f64::from(got) / expected - 1.0).abs() < 0.01, "{got} {expected}");
         let elsewhere = NovelView { position_m: Vec3::X, ..view };
-        assert_eq!(seen_mask(&sample, &elsewhere), None);
+        assert_eq!(observed_mask(&sample, &elsewhere), None);
     }
 
     #[test]
-    fn with_depth_only_what_is_not_hidden_is_seen() {
-        // the photo shows the wall at z = −2 alone
+    fn with_depth_only_unoccluded_surfaces_are_observed() {
+        // The photo shows only the wall at z = −2.
         let sample = Sample { depth_m: Some(DepthMap::new(96, 64, vec![2.0; 96 * 64])), ..sample() };
         let position_m = Vec3::new(0.4, -0.2, -0.8);
         let distance = |x, y| distance_m(position_m, pixel_direction(x, y, 64, 32));
@@ -125,7 +125,7 @@ mod tests {
             radiance: RadianceImage::new(64, 32, vec![[1.0; 3]; 64 * 32]),
             depth_m: Some(DepthMap::from_fn(64, 32, distance)),
         };
-        let mask = seen_mask(&sample, view).unwrap();
+        let mask = observed_mask(&sample, view).unwrap();
         let (width, height) = (view.radiance.width(), view.radiance.height());
         for (index, &seen) in mask.iter().enumerate() {
             let direction = pixel_direction(index % width, index / width, width, height);
@@ -136,9 +136,9 @@ mod tests {
             let outside = point.z >= 0.0 || f64::from(u.abs()) > a + 0.01 || f64::from(v.abs()) > b + 0.01;
             assert!((seen || !inside) && !(seen && outside), "{direction} {point} {seen}");
         }
-        // an obstacle in the photo hides the wall
+        // An obstacle in the photo hides the wall.
         let mut hidden = sample.clone();
         hidden.depth_m.as_mut().unwrap().pixels_mut().fill(0.5);
-        assert!(seen_mask(&hidden, view).unwrap().iter().all(|seen| !seen));
+        assert!(observed_mask(&hidden, view).unwrap().iter().all(|seen| !seen));
     }
 }

@@ -1,48 +1,49 @@
-//! Which surfels light can reach at all: the insides of solids, what lies flat on something, and the outside of the house
-//! need no work.
+//! Finds the surfels that light can reach. Excludes insides of solids, surfaces flat against others, and the outside of
+//! the house.
 
 use lo_geometry::{Ray, Vec3, cosine_hemisphere, orthonormal_basis};
 use lo_mesh::offset_origin;
 use rayon::prelude::*;
 
-use crate::lights::{Emitter, Emitters, Source};
+use crate::lights::{Emitter, EmitterShape, Emitters};
 use crate::pattern::{self, Rotations};
 use crate::surfels::Surfels;
 use crate::traced_world::TracedWorld;
 
-/// Rays that look for further surfels from each one.
-const LOOKS: usize = 16;
+/// Rays per surfel that search for further surfels.
+const SEARCH_RAYS: usize = 16;
 
-/// Surfels of which more than half of the rays end within this share of the spacing lie in a gap that cannot be looked into.
+/// A surfel is in a gap if more than half of its rays end within this share of the spacing.
 const GAP_SHARE: f32 = 0.25;
 
-/// So do those in gaps narrower than this, however fine the surfels: between a lamp and its socket.
+/// Minimum gap width, however small the spacing: between a lamp and its socket.
 const MIN_GAP_M: f32 = 0.008;
 
-/// Rays that leave all lights together, at least; each piece of one sends four or more.
-const LIGHT_RAYS: f32 = 20_000.0;
+/// Minimum number of rays from all lights together. Each emitter sends at least four.
+const MIN_LIGHT_RAYS: f32 = 20_000.0;
 
-/// Most panes and mirrors on a way.
+/// Maximum number of panes and mirrors along a path.
 const MAX_MIRRORS: u32 = 8;
 
-/// Follows light from the emitters and from surfel to surfel; `others` are those on the other side of sheets.
-pub(crate) fn reached(world: &TracedWorld, surfels: &Surfels, emitters: &Emitters, others: &[u32]) -> Vec<bool> {
+/// Propagates light from the emitters and from surfel to surfel. `others` are the surfels on the other side of sheets.
+pub(crate) fn reachable(world: &TracedWorld, surfels: &Surfels, emitters: &Emitters, others: &[u32]) -> Vec<bool> {
     let count = surfels.list.len();
     let sky = &world.sky;
     if sky.portals.is_empty() && (sky.sun.is_some() || !sky.is_dark()) {
-        // Light comes from everywhere.
+        // The open world is lit from all sides.
         return vec![true; count];
     }
     let rotations = Rotations::new("transport reach", 0);
-    let looks = cosine_hemisphere(LOOKS);
-    let mut reached = vec![false; count];
+    let directions = cosine_hemisphere(SEARCH_RAYS);
+    let mut reachable = vec![false; count];
     let total: f32 = emitters.list.iter().map(Emitter::weight).sum();
     let by_lights: Vec<Vec<u32>> = emitters
         .list
         .par_iter()
         .enumerate()
         .map(|(i, emitter)| {
-            let rays = (LIGHT_RAYS * emitter.weight() / total.max(f32::MIN_POSITIVE)).ceil().clamp(4.0, LIGHT_RAYS);
+            let rays =
+                (MIN_LIGHT_RAYS * emitter.weight() / total.max(f32::MIN_POSITIVE)).ceil().clamp(4.0, MIN_LIGHT_RAYS);
             let mut found = Vec::new();
             for k in 0..rays as u32 {
                 for ray in leaving(emitter, k, rays as u32, rotations.of(i)) {
@@ -52,13 +53,13 @@ pub(crate) fn reached(world: &TracedWorld, surfels: &Surfels, emitters: &Emitter
             found
         })
         .chain(sky.portals.par_iter().enumerate().map(|(i, opening)| {
-            // The sun's own beam, which is narrow.
+            // The sun's beam is narrow and needs its own rays.
             let mut found = Vec::new();
             for k in 0..sky.sun.as_ref().map_or(0, |_| 256) {
                 let Some(disc) = &sky.sun else { break };
-                let place = pattern::r2(k) + lo_geometry::Vec2::from_slice(&rotations.of(i)[..2]);
+                let uv = pattern::r2(k) + lo_geometry::Vec2::from_slice(&rotations.of(i)[..2]);
                 let [a, b] = opening.portal.edges;
-                let origin = opening.portal.corner + a * place.x.fract() + b * place.y.fract();
+                let origin = opening.portal.corner + a * uv.x.fract() + b * uv.y.fract();
                 if disc.sun.direction.dot(opening.normal) < 0.0 {
                     follow(world, surfels, others, Ray { origin, direction: -disc.sun.direction }, &mut found);
                 }
@@ -69,30 +70,30 @@ pub(crate) fn reached(world: &TracedWorld, surfels: &Surfels, emitters: &Emitter
     let (mut fresh, mut in_gaps) = (Vec::new(), Vec::new());
     let mut mark = |found: Vec<u32>, next: &mut Vec<u32>| {
         for surfel in found {
-            if !std::mem::replace(&mut reached[surfel as usize], true) {
+            if !std::mem::replace(&mut reachable[surfel as usize], true) {
                 next.push(surfel);
             }
         }
     };
     by_lights.into_iter().for_each(|found| mark(found, &mut fresh));
     while !fresh.is_empty() {
-        let look = |&i: &u32| {
+        let search = |&i: &u32| {
             let surfel = &surfels.list[i as usize];
             let turn = lo_geometry::Mat3::from_rotation_z(std::f32::consts::TAU * rotations.of(i as usize)[0]);
             let basis = orthonormal_basis(surfel.normal) * turn;
             let origin = offset_origin(surfel.position, surfel.normal);
-            // Cloth hangs in folds finer than surfels, and light gets between them.
-            let is_cloth = surfel.scatter.through != Vec3::ZERO;
+            // Cloth hangs in folds finer than surfels, and light enters them.
+            let is_cloth = surfel.scattering.through != Vec3::ZERO;
             let gap_m = if is_cloth { MIN_GAP_M } else { MIN_GAP_M.max(GAP_SHARE * surfel.spacing_m) };
             let (mut found, mut blocked) = (Vec::new(), 0);
-            for &local in &looks {
+            for &local in &directions {
                 let ray = Ray { origin, direction: basis * local };
                 let distance_m = follow(world, surfels, others, ray, &mut found);
                 blocked += usize::from(distance_m < gap_m);
             }
-            if 2 * blocked > LOOKS { None } else { Some(found) }
+            if 2 * blocked > SEARCH_RAYS { None } else { Some(found) }
         };
-        let found: Vec<Option<Vec<u32>>> = fresh.par_iter().map(look).collect();
+        let found: Vec<Option<Vec<u32>>> = fresh.par_iter().map(search).collect();
         let mut next = Vec::new();
         for (surfel, found) in fresh.into_iter().zip(found) {
             match found {
@@ -102,15 +103,15 @@ pub(crate) fn reached(world: &TracedWorld, surfels: &Surfels, emitters: &Emitter
         }
         fresh = next;
     }
-    in_gaps.into_iter().for_each(|surfel| reached[surfel as usize] = false);
-    reached
+    in_gaps.into_iter().for_each(|surfel| reachable[surfel as usize] = false);
+    reachable
 }
 
-/// Rays that carry an emitter's light, from both sides where both shine.
+/// Returns rays that carry an emitter's light, from each side that emits.
 fn leaving(emitter: &Emitter, k: u32, count: u32, rotation: [f32; 4]) -> impl Iterator<Item = Ray> {
-    let place = pattern::r2(k);
-    let [mut x, mut y] = [(place.x + rotation[0]).fract(), (place.y + rotation[1]).fract()];
-    if emitter.source != Source::Portal && x + y > 1.0 {
+    let uv = pattern::r2(k);
+    let [mut x, mut y] = [(uv.x + rotation[0]).fract(), (uv.y + rotation[1]).fract()];
+    if emitter.shape != EmitterShape::Portal && x + y > 1.0 {
         [x, y] = [1.0 - x, 1.0 - y];
     }
     let point = emitter.corner + emitter.edges[0] * x + emitter.edges[1] * y;
@@ -122,14 +123,14 @@ fn leaving(emitter: &Emitter, k: u32, count: u32, rotation: [f32; 4]) -> impl It
     )
 }
 
-/// Notes which surfels a ray meets; gives the distance to the first surface, infinite where there is none.
+/// Collects the surfels that a ray hits. Returns the distance to the first surface, or infinity.
 fn follow(world: &TracedWorld, surfels: &Surfels, others: &[u32], mut ray: Ray, found: &mut Vec<u32>) -> f32 {
     let mut first_m = f32::INFINITY;
     for _ in 0..MAX_MIRRORS {
         let Some(hit) = world.hit(&ray) else { break };
         first_m = first_m.min(hit.distance_m);
-        let surface = world.surface(&hit, &ray, 0.0);
-        let near = surfels.near(surface.position, surface.geometric_normal, surfels.part(surface.triangle));
+        let surface = world.interaction(&hit, &ray, 0.0);
+        let near = surfels.near(surface.position, surface.geometric_normal, surfels.component(surface.triangle));
         for &(surfel, _) in near.as_slice() {
             found.push(surfel);
             found.extend(Some(others[surfel as usize]).filter(|&other| other != u32::MAX));

@@ -3,9 +3,9 @@ use std::path::Path;
 use crate::published::{CropModel, Frames, FutureHouse, InteriorNet, LavalVarying, Panoramas};
 use crate::{Dataset, DatasetError, Shards};
 
-/// How a folder's files are laid out.
+/// File layout of a dataset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layout {
+pub enum DatasetLayout {
     /// [`Shards`].
     Shards,
     /// [`FutureHouse`].
@@ -20,12 +20,12 @@ pub enum Layout {
     Frames,
 }
 
-impl Layout {
-    /// All of them, in the order in which they are tried.
+impl DatasetLayout {
+    /// All layouts, in the order of detection.
     pub const ALL: [Self; 6] =
         [Self::Frames, Self::Shards, Self::FutureHouse, Self::InteriorNet, Self::LavalVarying, Self::Panoramas];
 
-    /// Its name on the command line.
+    /// Returns its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Shards => "shards",
@@ -37,10 +37,10 @@ impl Layout {
         }
     }
 
-    /// The layout that a folder (or a single `.tar` or `.json`) has.
+    /// Detects the layout of a folder or of a single `.tar` or `.json`.
     ///
     /// # Errors
-    /// A folder that cannot be read or is none of them.
+    /// If the folder cannot be read or has no known layout.
     pub fn detect(path: &Path) -> Result<Self, DatasetError> {
         if Frames::is_at(path) {
             return Ok(Self::Frames);
@@ -67,14 +67,14 @@ impl Layout {
             Ok(Self::Panoramas)
         } else {
             let names = Self::ALL.map(Self::name).join(", ");
-            Err(DatasetError::layout(path, format!("none of the layouts that are known ({names})")))
+            Err(DatasetError::layout(path, format!("unknown dataset layout; supported are {names}")))
         }
     }
 
-    /// Opens a dataset; `model` says how photos are made of HDR pictures where the layout has no LDR ones.
+    /// Opens a dataset. `model` controls how photos are made from HDR images, for layouts without LDR photos.
     ///
     /// # Errors
-    /// See the layouts.
+    /// Errors of the layout's own `open`.
     pub fn open(self, path: &Path, model: CropModel) -> Result<Box<dyn Dataset>, DatasetError> {
         Ok(match self {
             Self::Shards => Box::new(Shards::open(path)?),
@@ -86,11 +86,12 @@ impl Layout {
         })
     }
 
-    /// Opens panoramas with the plans of a folder ([`Panoramas::with_plans`]), where one is given; else as [`Layout::open`].
+    /// Opens panoramas with the room plans of a folder ([`Panoramas::with_plans`]). Without plans, same as
+    /// [`DatasetLayout::open`].
     ///
     /// # Errors
-    /// Of both; plans where there are no panoramas.
-    pub fn open_planned(
+    /// Errors of both, or plans for a layout other than panoramas.
+    pub fn open_with_plans(
         self,
         path: &Path,
         model: CropModel,
@@ -100,7 +101,7 @@ impl Layout {
             (_, None) => self.open(path, model),
             (Self::Panoramas, Some(plans)) => Ok(Box::new(Panoramas::open(path, model)?.with_plans(plans)?)),
             (other, Some(_)) => {
-                let reason = format!("plans are of panoramas, and its layout is {}", other.name());
+                let reason = format!("room plans need the layout panoramas, but the layout is {}", other.name());
                 Err(DatasetError::layout(path, reason))
             }
         }

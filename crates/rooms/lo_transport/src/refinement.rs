@@ -1,62 +1,62 @@
-//! Where light changes so quickly that surfels must lie closer together: near lamps, inside of their shades.
+//! Refinement of the surfel spacing where light changes quickly: near lamps and inside lamp shades.
 
 use lo_geometry::Vec3;
 use lo_mesh::Model;
 use rustc_hash::FxHashMap;
 
-use crate::lights::{Emitter, Emitters, Source};
+use crate::lights::{Emitter, EmitterShape, Emitters};
 
-/// Spacing wanted, as a share of the distance to the nearest lamp.
-const SHARE_OF_DISTANCE: f32 = 0.5;
+/// Target spacing as a share of the distance to the nearest lamp.
+const DISTANCE_SHARE: f32 = 0.5;
 
-/// The spacing is halved this often at most.
+/// Maximum number of halvings of the spacing.
 pub(crate) const MAX_LEVELS: u32 = 3;
 
-/// Cells per spacing.
+/// Grid cells per spacing.
 const CELLS: f32 = 2.0;
 
-/// Larger triangles are not looked through cell by cell.
+/// Triangles that cover more cells are not tested cell by cell.
 const MAX_CELLS: i32 = 64;
 
-/// How often the spacing is halved, cell by cell.
-pub(crate) struct Fineness {
+/// Number of halvings of the spacing, per grid cell.
+pub(crate) struct Refinement {
     spacing_m: f32,
     levels: FxHashMap<[i32; 3], u32>,
 }
 
-impl Fineness {
-    /// The same spacing everywhere.
-    pub(crate) fn even(spacing_m: f32) -> Self {
+impl Refinement {
+    /// Creates a uniform spacing.
+    pub(crate) fn uniform(spacing_m: f32) -> Self {
         Self { spacing_m, levels: FxHashMap::default() }
     }
 
-    /// Finer around all lamps.
+    /// Creates a spacing that is refined around all lamps.
     pub(crate) fn around_lamps(emitters: &Emitters, spacing_m: f32) -> Self {
-        let mut fineness = Self::even(spacing_m);
-        let (cell_m, reach) = (spacing_m / CELLS, (CELLS / SHARE_OF_DISTANCE).ceil() as i32);
-        let offsets: Vec<([i32; 3], u32)> = boxes([-reach; 3], [reach; 3])
+        let mut refinement = Self::uniform(spacing_m);
+        let (cell_m, reach) = (spacing_m / CELLS, (CELLS / DISTANCE_SHARE).ceil() as i32);
+        let offsets: Vec<([i32; 3], u32)> = cells_in_box([-reach; 3], [reach; 3])
             .map(|offset| (offset, Vec3::from(offset.map(|v| v as f32)).length() * cell_m))
             .map(|(offset, distance_m)| (offset, level(spacing_m, distance_m)))
             .filter(|(_, level)| *level > 0)
             .collect();
-        for cell in fineness.lamp_cells(emitters) {
+        for cell in refinement.lamp_cells(emitters) {
             for &(offset, level) in &offsets {
                 let at = [0, 1, 2].map(|axis| cell[axis] + offset[axis]);
-                let found = fineness.levels.entry(at).or_default();
+                let found = refinement.levels.entry(at).or_default();
                 *found = level.max(*found);
             }
         }
-        fineness
+        refinement
     }
 
-    /// Cells that lamps may lie in.
+    /// Returns the cells that lamps may occupy.
     fn lamp_cells(&self, emitters: &Emitters) -> Vec<[i32; 3]> {
-        let is_lamp = |emitter: &&Emitter| emitter.source != Source::Portal && !emitter.sheet;
+        let is_lamp = |emitter: &&Emitter| emitter.shape != EmitterShape::Portal && !emitter.sheet;
         let cells = |emitter: &Emitter| {
             let corners = emitter.corners();
             let low = corners.into_iter().fold(Vec3::INFINITY, Vec3::min);
             let high = corners.into_iter().fold(Vec3::NEG_INFINITY, Vec3::max);
-            boxes(self.cell(low), self.cell(high))
+            cells_in_box(self.cell(low), self.cell(high))
         };
         let mut all: Vec<[i32; 3]> = emitters.list.iter().filter(is_lamp).flat_map(cells).collect();
         all.sort_unstable();
@@ -68,21 +68,21 @@ impl Fineness {
         (position * (CELLS / self.spacing_m)).floor().to_array().map(|v| v as i32)
     }
 
-    /// How often the spacing is halved at a place.
-    pub(crate) fn at(&self, position: Vec3) -> u32 {
+    /// Returns the number of halvings at a position.
+    pub(crate) fn level_at(&self, position: Vec3) -> u32 {
         if self.levels.is_empty() {
             return 0;
         }
         self.levels.get(&self.cell(position)).copied().unwrap_or(0)
     }
 
-    /// The spacing halved `level` times, metres.
+    /// Returns the spacing after `level` halvings, in metres.
     pub(crate) fn spacing_m(&self, level: u32) -> f32 {
         self.spacing_m / (1 << level) as f32
     }
 
-    /// The most that [`Fineness::at`] may be on a triangle.
-    pub(crate) fn most_on(&self, model: &Model, triangle: u32) -> u32 {
+    /// Returns an upper bound of [`Refinement::level_at`] on a triangle.
+    pub(crate) fn max_level_on(&self, model: &Model, triangle: u32) -> u32 {
         if self.levels.is_empty() {
             return 0;
         }
@@ -93,18 +93,18 @@ impl Fineness {
         if count.into_iter().fold(1, i32::saturating_mul) > MAX_CELLS {
             return MAX_LEVELS;
         }
-        boxes(low, high).filter_map(|cell| self.levels.get(&cell).copied()).max().unwrap_or(0)
+        cells_in_box(low, high).filter_map(|cell| self.levels.get(&cell).copied()).max().unwrap_or(0)
     }
 }
 
-/// How often the spacing is halved at a distance from a lamp.
+/// Returns the number of halvings at a distance from a lamp.
 fn level(spacing_m: f32, distance_m: f32) -> u32 {
-    let halvings = (spacing_m / (SHARE_OF_DISTANCE * distance_m)).log2().ceil();
+    let halvings = (spacing_m / (DISTANCE_SHARE * distance_m)).log2().ceil();
     halvings.clamp(0.0, MAX_LEVELS as f32) as u32
 }
 
-/// All cells of a box, both ends among them.
-fn boxes(low: [i32; 3], high: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {
+/// Iterates over the cells of a box, including both ends.
+fn cells_in_box(low: [i32; 3], high: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {
     let along = move |axis: usize| low[axis]..=high[axis];
     along(0).flat_map(move |x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z])))
 }
