@@ -5,6 +5,7 @@
 //! Exit codes: 0 done, 1 the job failed, 2 wrong usage.
 
 pub mod args;
+pub mod choice;
 pub mod cli;
 pub mod commands;
 pub mod interrupt;

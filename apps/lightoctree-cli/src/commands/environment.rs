@@ -3,61 +3,29 @@
 use std::path::Path;
 
 use anyhow::Context;
-use clap::ValueEnum;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
-use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage};
+use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage, ToneCurve};
 use lightoctree::{LitScene, SceneRenderer};
 
 use super::level::{Level, LevelArgs};
+use crate::choice::{Choice, choice, name_of};
 use crate::output::signature;
 
-/// How the panorama is held.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum OrientationArg {
-    /// Centre −Z, +X right (also skylibs)
-    Lightoctree,
-    /// OpenEXR latitude-longitude, Mitsuba, USD dome light
-    Openexr,
-    /// three.js
-    Threejs,
-    /// Blender Cycles
-    Blender,
-}
-
-impl OrientationArg {
-    /// The preset.
-    pub fn preset(self) -> Orientation {
-        match self {
-            Self::Lightoctree => Orientation::Lightoctree,
-            Self::Openexr => Orientation::Openexr,
-            Self::Threejs => Orientation::Threejs,
-            Self::Blender => Orientation::Blender,
-        }
-    }
-}
+/// Conventions of programs for equirectangular maps.
+pub static ORIENTATIONS: [Choice<Orientation>; 4] = [
+    ("lightoctree", Orientation::Lightoctree, "Centre −Z, +X right (also skylibs)"),
+    ("openexr", Orientation::Openexr, "OpenEXR latitude-longitude, Mitsuba, USD dome light"),
+    ("threejs", Orientation::Threejs, "three.js"),
+    ("blender", Orientation::Blender, "Blender Cycles"),
+];
 
 /// Tone curves of previews.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum ToneArg {
-    /// Clipped at the photo's white
-    Clip,
-    /// Reinhard, white two stops above
-    Reinhard,
-    /// ACES fit
-    Aces,
-}
-
-impl ToneArg {
-    /// The library's curve.
-    pub fn curve(self) -> imaging::ToneCurve {
-        match self {
-            Self::Clip => imaging::ToneCurve::Clip,
-            Self::Reinhard => imaging::ToneCurve::Reinhard,
-            Self::Aces => imaging::ToneCurve::Aces,
-        }
-    }
-}
+static TONE_CURVES: [Choice<ToneCurve>; 3] = [
+    ("clip", ToneCurve::Clip, "Clipped at the photo's white"),
+    ("reinhard", ToneCurve::Reinhard, "Reinhard, white two stops above"),
+    ("aces", ToneCurve::Aces, "ACES fit"),
+];
 
 /// Options of the panorama itself.
 #[derive(Clone, Debug, clap::Args)]
@@ -79,8 +47,8 @@ pub struct PanoramaArgs {
 #[derive(Clone, Debug, clap::Args)]
 pub struct PanoramaFileArgs {
     /// Which program's convention the map follows
-    #[arg(long, value_name = "NAME", default_value = "lightoctree")]
-    pub orientation: OrientationArg,
+    #[arg(long, value_name = "NAME", default_value = "lightoctree", value_parser = choice(&ORIENTATIONS))]
+    pub orientation: Orientation,
 
     /// Write EXR as 16-bit half instead of 32-bit float
     #[arg(long)]
@@ -91,8 +59,8 @@ pub struct PanoramaFileArgs {
     pub preview: bool,
 
     /// Tone curve of the preview
-    #[arg(long, value_name = "CURVE", default_value = "reinhard", requires = "preview")]
-    pub tone: ToneArg,
+    #[arg(long, value_name = "CURVE", default_value = "reinhard", requires = "preview", value_parser = choice(&TONE_CURVES))]
+    pub tone: ToneCurve,
 
     /// Exposure of the preview in stops
     #[arg(long, value_name = "EV", default_value_t = 0.0, requires = "preview", allow_hyphen_values = true)]
@@ -151,16 +119,10 @@ pub fn write(
     args: &PanoramaFileArgs,
     command: &str,
 ) -> anyhow::Result<()> {
-    let turned = imaging::reorient(radiance, Orientation::Lightoctree, args.orientation.preset());
+    let turned = imaging::reorient(radiance, Orientation::Lightoctree, args.orientation);
     imaging::write_radiance(path, &turned, &exr_options(args, at, EnvironmentLayout::LatitudeLongitude, command))?;
     if args.preview {
-        imaging::write_tone_mapped(
-            preview_path(path),
-            &turned,
-            args.tone.curve(),
-            args.preview_ev,
-            &signature(command),
-        )?;
+        imaging::write_tone_mapped(preview_path(path), &turned, args.tone, args.preview_ev, &signature(command))?;
     }
     Ok(())
 }
@@ -177,7 +139,7 @@ pub fn exr_options(
         let position = ("lightoctree.position_m".into(), format!("{} {} {}", at.x, at.y, at.z));
         level.metadata().into_iter().chain([position])
     });
-    let orientation = args.orientation.to_possible_value().map_or_else(String::new, |v| v.get_name().into());
+    let orientation = name_of(&ORIENTATIONS, args.orientation).to_owned();
     let others = [
         ("lightoctree.orientation".into(), orientation),
         ("lightoctree.units".into(), "linear Rec. 709; 1 is the photo's white".into()),

@@ -131,7 +131,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 /// `shown` is the picture to write; figures are the panorama's.
 fn write(args: &Args, at: Vec3, level: &Level, panorama: &Rendering, shown: &RadianceImage) -> anyhow::Result<()> {
     if args.cubemap {
-        let turned = imaging::reorient(shown, Orientation::Lightoctree, args.panorama.file.orientation.preset());
+        let turned = imaging::reorient(shown, Orientation::Lightoctree, args.panorama.file.orientation);
         let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
         let options =
             environment::exr_options(&args.panorama.file, Some((at, level)), EnvironmentLayout::Cube, COMMAND);
@@ -148,7 +148,7 @@ fn write(args: &Args, at: Vec3, level: &Level, panorama: &Rendering, shown: &Rad
         environment::write_json(path, COMMAND, json!({ "position_m": place, "camera": level.camera(), "sh9": sh }))?;
     }
     if let Some(path) = &args.main_light {
-        let orientation = args.panorama.file.orientation.preset();
+        let orientation = args.panorama.file.orientation;
         let mut light = imaging::main_light(&panorama.radiance);
         if let Some(light) = &mut light {
             light.direction = (orientation.program_from_world() * Vec3::from(light.direction)).to_array();

@@ -19,6 +19,7 @@ use super::panorama_prior::{self, PanoramaArgs};
 use super::parse;
 use super::photos::{self, PhotosArgs};
 use crate::args::{Global, OutputArgs};
+use crate::choice::{Choice, choice};
 use crate::progress::{Stages, seconds};
 use crate::usage::Usage;
 use crate::{output, report};
@@ -78,8 +79,8 @@ pub struct Args {
     octree_depth: Option<u32>,
 
     /// How the unseen part of the room is filled [default: network]
-    #[arg(long, value_name = "HOW")]
-    completion: Option<CompletionArg>,
+    #[arg(long, value_name = "HOW", value_parser = choice(&COMPLETIONS))]
+    completion: Option<Completion>,
 
     /// Trained weights of the networks [default: those of the program]
     #[arg(long, value_name = "FILE")]
@@ -105,26 +106,12 @@ enum DepthArg {
     Predicted,
 }
 
-/// How the unseen part of the room is filled.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum CompletionArg {
-    /// By the light network
-    Network,
-    /// By planes fitted to what is seen, with extrapolated radiance
-    Shell,
-    /// Not at all: what the photo saw, and nothing else
-    None,
-}
-
-impl From<CompletionArg> for Completion {
-    fn from(how: CompletionArg) -> Self {
-        match how {
-            CompletionArg::Network => Self::Network,
-            CompletionArg::Shell => Self::Shell,
-            CompletionArg::None => Self::None,
-        }
-    }
-}
+/// How unobserved regions are completed.
+static COMPLETIONS: [Choice<Completion>; 3] = [
+    ("network", Completion::Network, "By the light network"),
+    ("shell", Completion::Shell, "By planes fitted to the observed surfaces, with extrapolated radiance"),
+    ("none", Completion::None, "Not at all: only observed radiance"),
+];
 
 const COMMAND: &str = "estimate";
 
@@ -224,7 +211,7 @@ fn photo(
 /// With networks, where depth or completion needs them; `metric` where a depth model gives metres.
 fn estimator(args: &Args, metric: bool, stages: &mut Stages) -> anyhow::Result<Estimator> {
     let completes = match args.completion {
-        Some(how) => matches!(how, CompletionArg::Network),
+        Some(how) => how == Completion::Network,
         // A program without weights still has what needs none.
         None => cfg!(feature = "weights") || args.weights.is_some(),
     };
@@ -250,7 +237,7 @@ fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2], panorama: Optio
     let sources = given.chain(model).chain(args.panorama.panorama.as_deref()).filter_map(file_name).collect();
     EstimateOptions {
         octree_depth: args.octree_depth,
-        completion: args.completion.map(Completion::from),
+        completion: args.completion,
         up: args.up,
         seed: global.seed,
         sources,

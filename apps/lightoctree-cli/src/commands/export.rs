@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use lightoctree::LightPurpose;
 use lightoctree::export::{self, Content, Format, LightProbe, Options};
 use lightoctree::geometry::Vec3;
@@ -12,6 +11,7 @@ use super::environment::{self, Renderer};
 use super::light::LightArgs;
 use super::parse;
 use crate::args::{Global, OutputArgs};
+use crate::choice::{Choice, choice};
 use crate::progress::Stages;
 use crate::{output, report};
 
@@ -27,12 +27,12 @@ pub struct Args {
     scene: PathBuf,
 
     /// File format
-    #[arg(long, value_name = "FORMAT")]
-    to: FormatArg,
+    #[arg(long, value_name = "FORMAT", value_parser = choice(&FORMATS))]
+    to: Format,
 
     /// Which part of the scene
-    #[arg(long, value_name = "WHAT", default_value = "leaves")]
-    content: ContentArg,
+    #[arg(long, value_name = "WHAT", default_value = "leaves", value_parser = choice(&CONTENTS))]
+    content: Content,
 
     /// Also write the light at this point as a panorama beside it, NAME_probe.exr (usda: as the dome light). Repeat it for more points
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
@@ -51,24 +51,22 @@ pub struct Args {
 }
 
 /// File formats.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum FormatArg {
-    /// Point cloud: MeshLab, CloudCompare, Open3D, Blender
-    Ply,
-    /// glTF binary: Blender, three.js, any viewer
-    Glb,
-    /// USD: Houdini, Nuke, Omniverse, Blender
-    Usda,
-}
+static FORMATS: [Choice<Format>; 3] = [
+    ("ply", Format::Ply, "Point cloud: MeshLab, CloudCompare, Open3D, Blender"),
+    ("glb", Format::Glb, "glTF binary: Blender, three.js, any viewer"),
+    ("usda", Format::Usda, "USD: Houdini, Nuke, Omniverse, Blender"),
+];
 
 /// Parts of a scene.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ContentArg {
-    /// The octree's leaves: the whole room. glb: a mesh that emits, lamps, camera; usda: also what the photo sees, textured, and the photo
-    Leaves,
-    /// The photo's pixels with depth
-    Photo,
-}
+static CONTENTS: [Choice<Content>; 2] = [
+    (
+        "leaves",
+        Content::Leaves,
+        "The octree's leaves: the whole room. glb: an emissive mesh, lamps, camera; usda: also the photo's surfaces, \
+         textured, and the photo",
+    ),
+    ("photo", Content::PhotoPoints, "The photo's pixels with depth"),
+];
 
 /// Width of the probe; its height is half of it.
 const PROBE_WIDTH: usize = 1024;
@@ -90,19 +88,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     let probes: Vec<LightProbe> =
         panoramas.iter().map(|(seen, at)| LightProbe { radiance: &seen.radiance, position_m: *at }).collect();
-    let options = Options {
-        format: match args.to {
-            FormatArg::Ply => Format::Ply,
-            FormatArg::Glb => Format::Glb,
-            FormatArg::Usda => Format::Usda,
-        },
-        content: match args.content {
-            ContentArg::Leaves => Content::Leaves,
-            ContentArg::Photo => Content::PhotoPoints,
-        },
-        level: args.level,
-        probes: &probes,
-    };
+    let options = Options { format: args.to, content: args.content, level: args.level, probes: &probes };
     let written = stages.stage("write", || export::write(&scene, &options, &args.out.output))?;
     if args.out.json {
         return report::print_json(&json!({

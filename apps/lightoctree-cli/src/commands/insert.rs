@@ -5,7 +5,6 @@ mod objects;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
 use lightoctree::insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
@@ -15,11 +14,12 @@ use lightoctree::{Event, LightPurpose, LitScene, Models, Warning};
 use serde_json::json;
 
 use self::objects::ObjectArgs;
-use super::environment::OrientationArg;
+use super::environment::ORIENTATIONS;
 use super::light::LightArgs;
 use super::parse;
 use super::video::{self, Video};
 use crate::args::Global;
+use crate::choice::{Choice, choice};
 use crate::progress::{Stages, bar, seconds};
 use crate::usage::Usage;
 use crate::{interrupt, output, report};
@@ -63,8 +63,8 @@ pub struct Args {
     lighting: String,
 
     /// Which program's convention the map of --lighting envmap:FILE follows [default: lightoctree]
-    #[arg(long, value_name = "NAME")]
-    orientation: Option<OrientationArg>,
+    #[arg(long, value_name = "NAME", value_parser = choice(&ORIENTATIONS))]
+    orientation: Option<Orientation>,
 
     #[command(flatten)]
     light: LightArgs,
@@ -79,8 +79,8 @@ pub struct Args {
     floor_gloss: Option<f64>,
 
     /// Samples: draft for moving about, high for the final picture
-    #[arg(long, value_name = "QUALITY", default_value = "normal")]
-    quality: QualityArg,
+    #[arg(long, value_name = "QUALITY", default_value = "normal", value_parser = choice(&QUALITIES))]
+    quality: Quality,
 
     /// Seconds after which a picture of high quality is given up and one of normal quality written, as after a Ctrl-C
     #[arg(long, value_name = "S", value_parser = parse::positive, conflicts_with = "frames")]
@@ -105,12 +105,11 @@ pub struct Args {
 }
 
 /// Quality presets.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum QualityArg {
-    Draft,
-    Normal,
-    High,
-}
+static QUALITIES: [Choice<Quality>; 3] = [
+    ("draft", Quality::Draft, "For moving objects: some frames a second"),
+    ("normal", Quality::Normal, "Some seconds"),
+    ("high", Quality::High, "Final images: up to minutes for large photos"),
+];
 
 const COMMAND: &str = "insert";
 
@@ -161,16 +160,12 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let instances = |frame: usize| -> Vec<Instance> {
         models.iter().zip(&placements).map(|(model, places)| Instance::new(model, places[frame])).collect()
     };
-    if args.time_limit.is_some() && !matches!(args.quality, QualityArg::High) {
+    if args.time_limit.is_some() && args.quality != Quality::High {
         return Err(
             Usage("--time-limit: only a picture of --quality high can be given up for a lesser one".into()).into()
         );
     }
-    let quality = match args.quality {
-        QualityArg::Draft => Quality::Draft,
-        QualityArg::Normal => Quality::Normal,
-        QualityArg::High => Quality::High,
-    };
+    let quality = args.quality;
     let middle = placements.iter().map(|places| places[0].position_m).sum::<Vec3>() / placements.len() as f32;
     let scene = match lighting {
         Lighting::Octree => args.light.lit(&mut document, LightPurpose::Objects { at_m: middle }, &mut stages)?,
@@ -384,7 +379,7 @@ fn frame_name(pattern: &Path, option: &str, sequence: bool, frame: usize) -> any
     Ok(PathBuf::from(format!("{before}{frame:0width$}{after}")))
 }
 
-fn lighting(text: &str, orientation: Option<OrientationArg>) -> anyhow::Result<Lighting> {
+fn lighting(text: &str, orientation: Option<Orientation>) -> anyhow::Result<Lighting> {
     if text == "octree" {
         return match orientation {
             None => Ok(Lighting::Octree),
@@ -405,7 +400,7 @@ fn lighting(text: &str, orientation: Option<OrientationArg>) -> anyhow::Result<L
         ))
         .into());
     }
-    let from = orientation.map_or(Orientation::Lightoctree, OrientationArg::preset);
+    let from = orientation.unwrap_or(Orientation::Lightoctree);
     Ok(Lighting::EnvironmentMap(imaging::reorient(&map, from, Orientation::Lightoctree)))
 }
 
@@ -436,7 +431,7 @@ mod tests {
     #[test]
     fn lighting_is_octree_or_a_map() {
         assert!(matches!(lighting("octree", None), Ok(Lighting::Octree)));
-        assert!(lighting("octree", Some(OrientationArg::Blender)).err().unwrap().is::<Usage>());
+        assert!(lighting("octree", Some(Orientation::Blender)).err().unwrap().is::<Usage>());
         assert!(lighting("sun", None).err().unwrap().is::<Usage>());
         assert!(lighting("envmap:no/such.exr", None).is_err());
     }
@@ -447,10 +442,10 @@ mod tests {
         let file = folder.path().join("map.hdr");
         // One bright column where the other program has what lies to our right (+X).
         for (orientation, column) in [
-            (OrientationArg::Lightoctree, 12),
-            (OrientationArg::Openexr, 4),
-            (OrientationArg::Threejs, 8),
-            (OrientationArg::Blender, 8),
+            (Orientation::Lightoctree, 12),
+            (Orientation::Openexr, 4),
+            (Orientation::Threejs, 8),
+            (Orientation::Blender, 8),
         ] {
             let map = RadianceImage::from_fn(16, 8, |x, _| [if x == column { 8.0 } else { 0.25 }; 3]);
             imaging::write_radiance(&file, &map, &ExrOptions::default()).unwrap();

@@ -1,29 +1,29 @@
 //! Which guessed light a scene is lit by: options that `insert`, `envmap`, `probes` and `export` share.
 
-use clap::ValueEnum;
 use lightoctree::{Document, GuessedLight, LightEffect, LightMode, LightPurpose, LightTuning, LitScene};
 
 use super::parse;
+use crate::choice::{Choice, choice};
 use crate::progress::Stages;
 use crate::usage::Usage;
 
-/// Names of lights.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LightArg {
-    /// The likeliest radiance: lamps and windows that no photo shows vanish
-    Even,
-    /// The expected energy: right on average, softer than rooms are
-    Expected,
-    /// The expected energy gathered into lamps and windows: contrast and shadows of rooms
-    Plausible,
-}
+/// Choices of light.
+static LIGHTS: [Choice<LightMode>; 3] = [
+    ("even", LightMode::Even, "The likeliest radiance: lamps and windows that no photo shows vanish"),
+    ("expected", LightMode::Expected, "The expected energy: right on average, softer than real rooms"),
+    (
+        "plausible",
+        LightMode::Plausible,
+        "The expected energy gathered into lamps and windows: contrast and shadows of real rooms",
+    ),
+];
 
 /// Options of guessed light.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct LightArgs {
     /// Light of what no photo shows [default: what the viewer saved, else plausible for insert and export, expected for envmap and probes]
-    #[arg(long, value_name = "LIGHT")]
-    pub light: Option<LightArg>,
+    #[arg(long, value_name = "LIGHT", value_parser = choice(&LIGHTS))]
+    pub light: Option<LightMode>,
 
     /// Contrast of plausible light, as a factor on that of similar rooms in stops
     #[arg(long, value_name = "FACTOR", value_parser = parse::contrast)]
@@ -83,9 +83,7 @@ impl LightArgs {
             _ if self.lamp => LightMode::Plausible,
             _ if self.no_lamp => LightMode::Even,
             None => usual,
-            Some(LightArg::Even) => LightMode::Even,
-            Some(LightArg::Expected) => LightMode::Expected,
-            Some(LightArg::Plausible) => LightMode::Plausible,
+            Some(light) => light,
         };
         if self.contrast.is_some() && mode != LightMode::Plausible {
             return Err(Usage("--contrast: only plausible light has one; add --light plausible".into()).into());

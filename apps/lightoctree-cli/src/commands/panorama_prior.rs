@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
-use lightoctree::geometry::Vec3;
+use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::scene::PanoramaSource;
 use lightoctree::{PanoramaError, PanoramaPrior};
 
-use super::environment::OrientationArg;
+use super::environment::ORIENTATIONS;
 use super::parse;
+use crate::choice::choice;
 use crate::progress::Stages;
 
 /// Options of the panorama.
@@ -26,8 +27,8 @@ pub struct PanoramaArgs {
     panorama_at: Option<Vec3>,
 
     /// Which program's convention it follows
-    #[arg(long, value_name = "NAME", default_value = "lightoctree", requires = "panorama")]
-    panorama_orientation: OrientationArg,
+    #[arg(long, value_name = "NAME", default_value = "lightoctree", requires = "panorama", value_parser = choice(&ORIENTATIONS))]
+    panorama_orientation: Orientation,
 
     /// Angle from the photo's heading to the panorama's centre, to the right: then only tilt and exposure are found [default: found]
     #[arg(long, value_name = "A", requires = "panorama", value_parser = parse::angle_deg, allow_hyphen_values = true)]
@@ -42,7 +43,7 @@ impl PanoramaArgs {
     /// Reads the panorama, if there is one.
     pub fn read(&self, stages: &mut Stages) -> anyhow::Result<Option<PanoramaPrior>> {
         let Some(path) = &self.panorama else { return Ok(None) };
-        let read = stages.stage("read panorama", || PanoramaPrior::read(path, self.panorama_orientation.preset()));
+        let read = stages.stage("read panorama", || PanoramaPrior::read(path, self.panorama_orientation));
         let mut prior = match read {
             Err(PanoramaError::Image(error)) => return Err(error.into()),
             other => other.with_context(|| format!("{} is no panorama of a room", path.display()))?,

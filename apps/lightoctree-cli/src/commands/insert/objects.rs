@@ -4,11 +4,12 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use clap::{ArgMatches, Args, Command, FromArgMatches, ValueEnum};
+use clap::{ArgMatches, Args, Command, FromArgMatches};
 use lightoctree::geometry::Vec3;
 use lightoctree::insert::{Align, Layout, LayoutObject, PathSource};
 use lightoctree::mesh::MaterialSpec;
 
+use crate::choice::{Choice, choice};
 use crate::commands::parse;
 use crate::usage::Usage;
 
@@ -53,34 +54,20 @@ struct Flags {
     yaw_deg: Vec<f32>,
 
     /// Which way is up for the object [default: gravity]
-    #[arg(long, value_name = "UP", requires = "mesh")]
-    align: Vec<AlignArg>,
+    #[arg(long, value_name = "UP", requires = "mesh", value_parser = choice(&ALIGNMENTS))]
+    align: Vec<Align>,
 
     /// A material for the whole object: a name or a JSON object
     #[arg(long, value_name = "NAME|JSON", requires = "mesh")]
     material: Vec<String>,
 }
 
-/// Which way an object stands.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum AlignArg {
-    /// Upright in the room, as far as it is known which way is up
-    Gravity,
-    /// Along the normal of the surface at the pixel, where that is tilted by 10 to 40°
-    Surface,
-    /// Up in the picture
-    None,
-}
-
-impl AlignArg {
-    fn align(self) -> Align {
-        match self {
-            Self::Gravity => Align::Gravity,
-            Self::Surface => Align::Surface,
-            Self::None => Align::None,
-        }
-    }
-}
+/// Which way is up for an object.
+static ALIGNMENTS: [Choice<Align>; 3] = [
+    ("gravity", Align::Gravity, "Upright in the room, as far as its up direction is known"),
+    ("surface", Align::Surface, "Along the normal of the surface at the pixel, where that is tilted by 10 to 40°"),
+    ("none", Align::None, "Up in the photo"),
+];
 
 /// Values of an option with their places on the command line.
 type Given<T> = Vec<(usize, T)>;
@@ -96,7 +83,7 @@ pub struct ObjectArgs {
     scale: Given<f64>,
     height: Given<f64>,
     yaw_deg: Given<f32>,
-    align: Given<AlignArg>,
+    align: Given<Align>,
     material: Given<String>,
 }
 
@@ -203,7 +190,7 @@ impl ObjectArgs {
             scale,
             height_m,
             yaw_deg: yaw_deg.map(f64::from),
-            align: only("--align", &self.align, mesh, range)?.map(AlignArg::align),
+            align: only("--align", &self.align, mesh, range)?,
             material: material.map_err(|error| Usage(format!("--material: {error}")))?,
         })
     }
