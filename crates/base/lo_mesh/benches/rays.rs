@@ -9,10 +9,10 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 use lo_geometry::{Ray, Vec3, fibonacci_sphere};
 use lo_mesh::{Hit, LoadOptions, Model, PreparedModel, offset_origin};
-use lo_testdata::beside;
+use lo_testdata::shared_data;
 
 static FILE: LazyLock<Option<PathBuf>> =
-    LazyLock::new(|| beside("meshes/tea_set_01/tea_set_01_1k.gltf", "rays on the tea set"));
+    LazyLock::new(|| shared_data("meshes/tea_set_01/tea_set_01_1k.gltf", "rays on the tea set"));
 
 static PREPARED: LazyLock<Option<PreparedModel>> =
     LazyLock::new(|| Model::load(FILE.as_ref()?, &LoadOptions::default()).ok().map(PreparedModel::new));

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use lo_geometry::{Orientation, Vec3, fibonacci_sphere};
-use lo_testdata::{asset, beside, panoramas};
+use lo_testdata::{asset, panoramas, shared_data};
 
 /// The repository's panorama, and after it those that lie beside the checkout.
 fn panoramas_here(names: &[&str], untested: &str) -> Vec<PathBuf> {
-    let folder = beside("hdr", untested);
+    let folder = shared_data("hdr", untested);
     let others = folder.iter().flat_map(|folder| names.iter().map(|name| folder.join(name)));
     std::iter::once(panoramas().join(SMALL)).chain(others).collect()
 }
@@ -37,7 +37,7 @@ const PANORAMAS: [(&str, [f32; 3]); 14] = [
 fn all_panoramas_load_with_the_published_luminances() {
     // the small one's by a reader of its own, in Python
     assert_luminances(&panoramas().join(SMALL), (256, 128), [0.472, 4.56, 12.2]);
-    let Some(folder) = beside("hdr", "reading of 14 real panoramas") else { return };
+    let Some(folder) = shared_data("hdr", "reading of 14 real panoramas") else { return };
     for (name, expected) in PANORAMAS {
         assert_luminances(&folder.join(name), (1024, 512), expected);
     }
@@ -67,7 +67,7 @@ fn photos_and_their_depth_load() {
     // a photo where depth belongs is refused in words
     let error = lo_imaging::read_depth(asset("library_color.jpg"), None).unwrap_err().to_string();
     assert!(error.contains("16-bit PNG"), "{error}");
-    let Some(folder) = beside("rgbd", "reading of a Kinect's photo and depth with holes") else { return };
+    let Some(folder) = shared_data("rgbd", "reading of a Kinect's photo and depth with holes") else { return };
     let desk = lo_imaging::read_photo(folder.join("tum_desk_color.png")).unwrap();
     assert!(matches!(desk.photo, lo_imaging::Photo::Srgb8(_)));
     assert_eq!((desk.photo.width(), desk.photo.height()), (640, 480));

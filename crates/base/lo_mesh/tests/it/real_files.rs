@@ -4,14 +4,14 @@ use std::path::Path;
 
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::{AlphaMode, LoadOptions, Model, PreparedModel};
-use lo_testdata::{asset, beside};
+use lo_testdata::{asset, shared_data};
 
 fn load(path: &Path) -> Model {
     Model::load(path, &LoadOptions::default()).unwrap()
 }
 
 fn load_beside(file: &str) -> Option<Model> {
-    Some(load(&beside(&format!("meshes/{file}"), &format!("reading of {file}"))?))
+    Some(load(&shared_data(&format!("meshes/{file}"), &format!("reading of {file}"))?))
 }
 
 fn assert_size(model: &Model, expected: [f32; 3], tolerance: f32) {

@@ -248,7 +248,7 @@ fn no_circle_and_no_size_makes_a_panic() {
 #[test]
 #[ignore = "a survey of the panoramas and photos beside the checkout: cargo test -p lo_imaging --test it survey -- --ignored --nocapture"]
 fn survey() {
-    let Some(folder) = lo_testdata::beside("hdr", "finding the ball in other rooms") else { return };
+    let Some(folder) = lo_testdata::shared_data("hdr", "finding the ball in other rooms") else { return };
     let mut panoramas: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
     panoramas.retain(|path| path.extension().is_some_and(|end| end == "hdr" || end == "exr"));
     panoramas.sort();
@@ -282,7 +282,7 @@ fn survey() {
         );
     }
     for folder in ["photos_more", "rgbd", "rgbd_more"] {
-        let Some(folder) = lo_testdata::beside(folder, "photos without a ball") else { return };
+        let Some(folder) = lo_testdata::shared_data(folder, "photos without a ball") else { return };
         let mut photos: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
         photos.retain(|path| {
             path.extension().is_some_and(|end| end == "jpg") || path.display().to_string().ends_with("color.png")
