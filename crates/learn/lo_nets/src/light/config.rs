@@ -3,9 +3,9 @@ use lo_imaging::RadianceImage;
 use serde::{Deserialize, Serialize};
 
 use crate::graph::type_channels_of;
-use crate::light::LightInput;
 use crate::light::channels::{LOBE_CHANNELS, NODE_FEATURES, RAW_CHANNELS};
 use crate::light::error::LightConfigError;
+use crate::light::LightInput;
 
 /// Shape of the light network. Every field has a default, so that a file need name only what differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

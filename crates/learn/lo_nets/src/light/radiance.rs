@@ -169,12 +169,7 @@ impl Kernel for NodeLight {
         let by_raw = rows.flat_map(|(node, (raw, gradient))| {
             let (_, slope, by_share) = node_light(row(raw), node, &self.0);
             let share = (0..3).map(|c| by_share[c] * gradient[c].wide()).sum();
-            slope
-                .into_iter()
-                .zip(MOVES)
-                .map(|(slope, output)| slope * gradient[output].wide())
-                .chain([share])
-                .map(T::of)
+            slope.into_iter().zip(MOVES).map(|(slope, output)| slope * gradient[output].wide()).chain([share]).map(T::of)
         });
         vec![by_raw.collect()]
     }
