@@ -1,4 +1,4 @@
-//! Scene files: whatever the bytes, an error or a scene that can be traced, with its lights as they were edited.
+//! Scene files: the bytes give an error or a scene that can be traced, with its light edits applied.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -13,14 +13,14 @@ fuzz_target!(|bytes: &[u8]| {
     let again =
         Scene::from_bytes(&scene.to_bytes("fuzz").expect("a valid scene can be written")).expect("and read back");
     assert_eq!(scene, again);
-    // What stands in it is a layout with its meshes, or it is said what is wrong.
+    // Its objects are a valid layout with meshes, or give an error.
     if let Ok(Some(layout)) = lightoctree::scene_layout(&scene) {
         let _ = lightoctree::Models::of_scene(&layout, &scene);
     }
     let finite = |radiance: &RadianceImage| radiance.pixels().iter().flatten().all(|value| value.is_finite());
     let viewers = Viewers::new(&scene.light);
     assert!(finite(&viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4).radiance));
-    // Edits are carried out, or it is said why not.
+    // Edits are applied or give an error.
     let mut edited = scene;
     let lit = !edited.light_edits.is_empty() || edited.expected.is_some();
     let tuning = lightoctree::LightTuning::default();

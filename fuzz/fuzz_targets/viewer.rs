@@ -1,4 +1,5 @@
-//! What a page says to the viewer, one message a line: it is refused, or carried out at a session that stays whole and can be undone to where it began.
+//! Messages from the page to the viewer, one per line: each is rejected or applied. The session stays consistent and
+//! can be undone to its initial state.
 #![no_main]
 
 use std::sync::{Arc, LazyLock};
@@ -10,12 +11,12 @@ use lightoctree::scene::{Completion, ExpectedLight, Scene};
 use lo_session::{OpenScene, Session, SessionError, overlay, probe_place};
 use lo_viewer::protocol::FromPage;
 
-/// Most messages; what comes after them adds nothing.
+/// Largest number of messages; more add nothing.
 const MAX_MESSAGES: usize = 64;
 
 static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
     let scene = Scene::from_bytes(include_bytes!("../corpus/scene/srgb8_edited.scene")).expect("a scene of the seeds");
-    // With expected light, so that its choice is one.
+    // With expected light, so that it can be chosen.
     let radiance = RadianceImage::from_fn(8, 4, |x, y| [0.5 + x as f32, 0.5 + y as f32, 1.0]);
     let expected = Some(ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0));
     Arc::new(OpenScene::new("room.scene", Scene { completion: Completion::Network, expected, ..scene }))
@@ -27,7 +28,7 @@ fuzz_target!(|text: &str| {
     for message in text.lines().take(MAX_MESSAGES).filter_map(|line| serde_json::from_str::<FromPage>(line).ok()) {
         let (before, was_previewing) = (session.state().clone(), session.is_previewing());
         let refused = |result: Result<(), SessionError>| result.is_err();
-        // Whether nothing else may be shown than before.
+        // Whether the message must not change the state.
         let stays = match message {
             FromPage::Command { command } => refused(session.apply(&command)),
             FromPage::Preview { command, .. } => refused(session.preview(&command)),
@@ -60,21 +61,21 @@ fuzz_target!(|text: &str| {
         let state = session.state();
         assert!(!stays || before == *state);
         for object in &state.objects {
-            object.placement.check().expect("what stands there can be drawn");
+            object.placement.check().expect("every object can be drawn");
         }
-        serde_json::to_string(&session.view()).expect("numbers and names");
+        serde_json::to_string(&session.view()).expect("serialising numbers and names cannot fail");
         let ids: std::collections::HashSet<u32> = state.objects.iter().map(|object| object.id).collect();
         assert_eq!(ids.len(), state.objects.len());
         if let Ok(layout) = state.layout() {
             assert_eq!(layout.objects().len(), state.objects.len());
         }
     }
-    // Whatever light was chosen can be laid.
+    // The chosen light can be applied.
     if session.state().lights.guessed.is_some() {
-        session.open().fitted.laid(&session.state().guessed()).expect("what cannot be white is refused");
+        session.open().fitted.laid(&session.state().guessed()).expect("invalid white points are rejected earlier");
     }
     while session.undo() {}
-    // What time one looks at is none of the history.
+    // The viewed time is not part of the history.
     let _ = session.seek(begun.time_s);
     assert!(begun == *session.state());
 });

@@ -1,4 +1,4 @@
-//! Rays per second on the tea set of the data beside the checkout; nothing runs where that is missing.
+//! Rays per second on the tea set of the data beside the checkout; skipped if that is missing.
 #![allow(missing_docs)]
 
 use std::hint::black_box;
@@ -21,7 +21,7 @@ fn main() {
     divan::main();
 }
 
-/// A picture of 480 × 320 that the set fills.
+/// Rays of a 480 × 320 image filled by the tea set.
 fn camera_rays() -> Vec<Ray> {
     let (origin, target) = (Vec3::new(0.0, 0.7, 0.9), Vec3::new(0.0, 0.05, 0.0));
     let forward = (target - origin).normalize();
