@@ -339,9 +339,9 @@ fn say_gaps(unwrapped: &UnwrappedBall, stages: &Stages) {
 fn write(args: &Args, unwrapped: &UnwrappedBall) -> anyhow::Result<()> {
     environment::write(&args.out.output, &unwrapped.radiance, None, &args.file, COMMAND)?;
     if let Some(path) = &args.mask_out {
-        let mask = unwrapped.known.map(|&known| [known; 3]);
+        let mask = unwrapped.observed.map(|&share| [share; 3]);
         let turned = imaging::reorient(&mask, Orientation::Lightoctree, args.file.orientation.preset());
-        let grey: Image<[u8; 3]> = turned.map(|known| known.map(|v| (255.0 * v + 0.5) as u8));
+        let grey: Image<[u8; 3]> = turned.map(|share| share.map(|v| (255.0 * v + 0.5) as u8));
         write_mask(path, &grey)?;
     }
     Ok(())

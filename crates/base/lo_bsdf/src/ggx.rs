@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_bears_its_own_density_and_weight() {
+    fn a_samples_pdf_and_weight_match_the_brdf() {
         for (alpha, cosine) in [(0.05, 0.8), (0.3, 0.4), (1.0, 0.15)] {
             let (ggx, view) = (ggx(alpha), direction(cosine, 0.0));
             let mut stream = lo_random::stream(2, "ggx samples", 0);

@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wish_to_end_is_remembered() {
+    fn a_cancellation_is_remembered() {
         let mut received = Vec::new();
         let mut on_event = |event: Event| {
             let first = matches!(event, Event::Progress { done: 1, .. });

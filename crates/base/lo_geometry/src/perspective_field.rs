@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn fields_are_what_lifted_points_do() {
+    fn fields_match_the_projection_of_lifted_points() {
         let camera = Camera::from_hfov_deg(70.0, 300, 200).unwrap();
         let of = Perspective::new(0.2, -0.35, camera.half_extent());
         for (u, v) in [(150.0, 100.0), (20.5, 180.5), (290.0, 11.0)] {
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_guess_of_the_lens_counts_as_much_as_it_is_certain() {
+    fn a_lens_estimate_is_weighted_by_its_certainty() {
         let of = Perspective::new(0.0, 0.2, 0.7);
         let with = |log_half_extent: f64, deviation: f64| {
             let field = PerspectiveField { cells: cells(of), lens: Some(LensEstimate { log_half_extent, deviation }) };

@@ -27,9 +27,9 @@ pub(crate) fn decode(source: EncodedImage) -> Result<(DynamicImage, FocalLength,
         Some(orientation) => orientation,
         None => decoder.orientation().unwrap_or(image::metadata::Orientation::NoTransforms),
     };
-    let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| invalid(source, e))?;
-    picture.apply_orientation(orientation);
-    Ok((picture, focal, exposure))
+    let mut decoded = DynamicImage::from_decoder(decoder).map_err(|e| invalid(source, e))?;
+    decoded.apply_orientation(orientation);
+    Ok((decoded, focal, exposure))
 }
 
 /// Creates a decoder, which reads the header, and checks the image's size.
@@ -69,28 +69,28 @@ fn invalid(source: EncodedImage, error: image::ImageError) -> ImageError {
 /// already linear.
 ///
 /// Alpha is dropped, since photos have none; the colours stored beneath transparent pixels are kept.
-pub(crate) fn photo(picture: DynamicImage) -> Photo {
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    match picture {
+pub(crate) fn photo(decoded: DynamicImage) -> Photo {
+    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    match decoded {
         DynamicImage::ImageLuma16(_)
         | DynamicImage::ImageLumaA16(_)
         | DynamicImage::ImageRgb16(_)
         | DynamicImage::ImageRgba16(_) => {
             let table: Vec<f32> = (0..=u16::MAX).map(|v| linear_from_srgb(f32::from(v) / 65535.0)).collect();
-            let samples = picture.into_rgb16().into_raw();
+            let samples = decoded.into_rgb16().into_raw();
             let linear = samples.as_chunks::<3>().0.par_iter().map(|p| p.map(|v| table[usize::from(v)])).collect();
             Photo::Linear(Image::new(width, height, linear))
         }
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            Photo::Linear(RadianceImage::new(width, height, pixels_of(picture.into_rgb32f().into_raw())))
+            Photo::Linear(RadianceImage::new(width, height, pixels_of(decoded.into_rgb32f().into_raw())))
         }
-        _ => Photo::Srgb8(Image::new(width, height, pixels_of(picture.into_rgb8().into_raw()))),
+        _ => Photo::Srgb8(Image::new(width, height, pixels_of(decoded.into_rgb8().into_raw()))),
     }
 }
 
-pub(crate) fn rgba8(picture: DynamicImage) -> Image<[u8; 4]> {
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    Image::new(width, height, pixels_of(picture.into_rgba8().into_raw()))
+pub(crate) fn rgba8(decoded: DynamicImage) -> Image<[u8; 4]> {
+    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    Image::new(width, height, pixels_of(decoded.into_rgba8().into_raw()))
 }
 
 /// Groups samples into pixels, without a copy if possible: a photo of 50 megapixels has 150 MB.

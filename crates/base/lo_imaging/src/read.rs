@@ -57,8 +57,8 @@ pub fn photo_from_bytes(bytes: &[u8], name: &str) -> Result<PhotoFile, ImageErro
             Ok(PhotoFile { photo, focal: FocalLength::default(), exposure: PhotoExposure::default() })
         }
         _ => {
-            let (picture, focal, exposure) = raster::decode(source)?;
-            Ok(PhotoFile { photo: raster::photo(picture), focal, exposure })
+            let (decoded, focal, exposure) = raster::decode(source)?;
+            Ok(PhotoFile { photo: raster::photo(decoded), focal, exposure })
         }
     })
 }

@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn curves_rise_and_swallow_anything() {
+    fn curves_are_monotonic_and_accept_any_value() {
         for curve in [ToneCurve::Clip, ToneCurve::Reinhard, ToneCurve::Aces] {
             let mut last = 0.0;
             for step in -40..128 {

@@ -36,8 +36,8 @@ impl Texture {
             return Err(failed(limit));
         }
         budget.spend(width as usize * height as usize).map_err(failed)?;
-        let picture = lo_imaging::rgba8_from_bytes(bytes, name).map_err(unnamed)?;
-        Ok(Self::from_image(picture, srgb))
+        let image = lo_imaging::rgba8_from_bytes(bytes, name).map_err(unnamed)?;
+        Ok(Self::from_image(image, srgb))
     }
 
     /// Creates a texture and its mip levels from an image with at least one pixel.

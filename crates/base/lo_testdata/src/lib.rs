@@ -38,7 +38,7 @@ pub fn shared_data(path: &str, untested: &str) -> Option<PathBuf> {
 
 /// Root of the checkout.
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..").canonicalize().expect("a crate lies in its checkout")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..").canonicalize().expect("the crate is inside its checkout")
 }
 
 #[cfg(test)]

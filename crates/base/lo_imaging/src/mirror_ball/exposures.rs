@@ -81,7 +81,7 @@ pub fn merge_exposures(photos: &[Photo], stops: &[f64]) -> Result<MergedPhotos, 
     if finite != photos.len() || stops.len() != photos.len() {
         return Err(BallError::Exposures { photos: photos.len(), exposures: finite.min(stops.len()) });
     }
-    photos.iter().enumerate().try_for_each(|(photo, picture)| check_finite(photo, picture))?;
+    photos.iter().enumerate().try_for_each(|(index, photo)| check_finite(index, photo))?;
     let mut order: Vec<usize> = (0..photos.len()).collect();
     order.sort_by(|&a, &b| stops[a].total_cmp(&stops[b]));
     let bracket: Vec<(BracketPhoto, f32)> = order
@@ -219,10 +219,10 @@ pub(super) fn same_size(photos: &[Photo]) -> Result<[usize; 2], BallError> {
     }
 }
 
-fn check_finite(photo: usize, picture: &Photo) -> Result<(), BallError> {
-    let Photo::Linear(image) = picture else { return Ok(()) };
+fn check_finite(index: usize, photo: &Photo) -> Result<(), BallError> {
+    let Photo::Linear(image) = photo else { return Ok(()) };
     let bad = image.pixels().par_iter().position_first(|pixel| !pixel.iter().all(|v| v.is_finite()));
-    bad.map_or(Ok(()), |index| Err(BallError::NotFinite { photo, x: index % image.width(), y: index / image.width() }))
+    bad.map_or(Ok(()), |at| Err(BallError::NotFinite { photo: index, x: at % image.width(), y: at / image.width() }))
 }
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
 use crate::{Image, RadianceImage};
 
-/// Fills pixels without data (`known` is 0) smoothly from their surroundings, across the seam (push–pull).
+/// Fills pixels without data (`observed` is 0) smoothly from their surroundings, across the seam (push–pull).
 ///
-/// Averages known pixels over increasingly coarse levels, then interpolates back. Works on ln(1 + radiance), so that a
-/// lamp beside a hole does not light all of it. Without any known pixel the map becomes black.
-pub(super) fn fill_unobserved(map: &mut RadianceImage, known: &Image<f32>) {
-    if known.pixels().iter().all(|&k| k > 0.0) {
+/// Averages observed pixels over increasingly coarse levels, then interpolates back. Works on ln(1 + radiance), so that a
+/// lamp beside a hole does not light all of it. Without any observed pixel the map becomes black.
+pub(super) fn fill_unobserved(map: &mut RadianceImage, observed: &Image<f32>) {
+    if observed.pixels().iter().all(|&k| k > 0.0) {
         return;
     }
     let mut levels = vec![Image::new(
@@ -13,8 +13,8 @@ pub(super) fn fill_unobserved(map: &mut RadianceImage, known: &Image<f32>) {
         map.height(),
         map.pixels()
             .iter()
-            .zip(known.pixels())
-            .map(|(rgb, &known)| if known > 0.0 { weighted(rgb.map(f32::ln_1p), 1.0) } else { [0.0; 4] })
+            .zip(observed.pixels())
+            .map(|(rgb, &observed)| if observed > 0.0 { weighted(rgb.map(f32::ln_1p), 1.0) } else { [0.0; 4] })
             .collect(),
     )];
     while let Some(last) = levels.last().filter(|last| last.width() > 2 || last.height() > 1) {
@@ -31,8 +31,8 @@ pub(super) fn fill_unobserved(map: &mut RadianceImage, known: &Image<f32>) {
             [0, 1, 2].map(|c| here[c] + (1.0 - here[3]) * around[c])
         });
     }
-    for ((rgb, filled), &known) in map.pixels_mut().iter_mut().zip(filled.pixels()).zip(known.pixels()) {
-        if known <= 0.0 {
+    for ((rgb, filled), &observed) in map.pixels_mut().iter_mut().zip(filled.pixels()).zip(observed.pixels()) {
+        if observed <= 0.0 {
             *rgb = filled.map(f32::exp_m1);
         }
     }
@@ -61,7 +61,7 @@ fn coarser(level: &Image<WeightedPixel>) -> Image<WeightedPixel> {
                 (0..4).for_each(|c| sum[c] += value[c]);
             }
         }
-        // one known pixel of four gives the coarse one full weight
+        // one observed pixel of four gives the coarse one full weight
         let scale = if sum[3] > 1.0 { 1.0 / sum[3] } else { 1.0 };
         sum.map(|v| v * scale)
     })
@@ -97,14 +97,14 @@ mod tests {
         let mut map = RadianceImage::from_fn(128, 64, |_, y| [truth(y), 2.0 * truth(y), 0.1]);
         // across the seam
         let hole = |x: usize, y: usize| !(10..118).contains(&x) && (20..44).contains(&y);
-        let known = Image::from_fn(128, 64, |x, y| if hole(x, y) { 0.0 } else { 1.0 });
+        let observed = Image::from_fn(128, 64, |x, y| if hole(x, y) { 0.0 } else { 1.0 });
         let before = map.clone();
         for (x, y) in (0..64).flat_map(|y| (0..128).map(move |x| (x, y))) {
             if hole(x, y) {
                 map[(x, y)] = [f32::NAN; 3];
             }
         }
-        fill_unobserved(&mut map, &known);
+        fill_unobserved(&mut map, &observed);
         for (x, y) in (0..64).flat_map(|y| (0..128).map(move |x| (x, y))) {
             let (got, expected) = (map[(x, y)], before[(x, y)]);
             if hole(x, y) {

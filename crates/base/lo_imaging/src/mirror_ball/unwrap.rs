@@ -36,7 +36,7 @@ pub struct UnwrappedBall {
     /// Equirectangular radiance in our orientation. The centre is the camera's viewing direction, which the ball hides.
     pub radiance: RadianceImage,
     /// Observed share of each pixel; pixels with 0 are filled from their surroundings.
-    pub known: Image<f32>,
+    pub observed: Image<f32>,
     /// Share of the sphere that is filled.
     pub filled_share: f64,
     /// Share of the sphere observed at less than half of the ball's mean resolution in one direction, near the outline.
@@ -105,22 +105,22 @@ pub fn unwrap_ball(
                 coarse += f64::from(u8::from(point.pixels_per_rad[1] < 0.25 * view.circle().radius_px));
             }
         }
-        let known = count / (rows * columns);
+        let observed = count / (rows * columns);
         let mean = [0, 1, 2].map(|c| if count > 0.0 { (sum[c] / count) as f32 * scale[c] } else { 0.0 });
-        (mean, (known as f32, (coarse / (rows * columns)) as f32))
+        (mean, (observed as f32, (coarse / (rows * columns)) as f32))
     };
     let (pixels, shares): (Vec<_>, Vec<_>) = (0..width * height).into_par_iter().map(texel).unzip();
-    let (known, coarse): (Vec<f32>, Vec<f32>) = shares.into_iter().unzip();
+    let (observed, coarse): (Vec<f32>, Vec<f32>) = shares.into_iter().unzip();
     let share = |of: &dyn Fn(usize) -> f64| {
         let weigh = |index: usize| f64::from(pixel_solid_angle_sr(index / width, width, height)) * of(index);
         (0..width * height).map(weigh).sum::<f64>() / (4.0 * PI)
     };
-    let filled_share = share(&|index| f64::from(u8::from(known[index] <= 0.0)));
+    let filled_share = share(&|index| f64::from(u8::from(observed[index] <= 0.0)));
     let coarse_share = share(&|index| f64::from(coarse[index]));
-    let known = Image::new(width, height, known);
+    let observed = Image::new(width, height, observed);
     let mut radiance = RadianceImage::new(width, height, pixels);
-    fill_unobserved(&mut radiance, &known);
-    Ok(UnwrappedBall { radiance, known, filled_share, coarse_share, clipped_share: clipped_share(photos, view) })
+    fill_unobserved(&mut radiance, &observed);
+    Ok(UnwrappedBall { radiance, observed, filled_share, coarse_share, clipped_share: clipped_share(photos, view) })
 }
 
 fn check(options: &UnwrapOptions, [width, height]: [usize; 2]) -> Result<(), BallError> {

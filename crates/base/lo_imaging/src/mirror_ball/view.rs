@@ -467,7 +467,7 @@ mod tests {
     }
 
     #[test]
-    fn no_outline_and_no_lens_makes_a_panic() {
+    fn invalid_outlines_and_lenses_never_panic() {
         let values = [f64::NAN, -1.0, 0.0, 3.0, 100.0, 799.0, 1e9, f64::INFINITY];
         for (x, y, r) in values.iter().flat_map(|x| values.iter().flat_map(move |y| values.map(|r| (*x, *y, r)))) {
             for lens in values.iter().flat_map(|&v| {

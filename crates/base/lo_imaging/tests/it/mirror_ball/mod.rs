@@ -156,7 +156,7 @@ fn the_panorama_turns_as_asked() {
     let options = UnwrapOptions { reflectance: [0.5, 0.25, 1.0], cut_out_camera_rad: 0.2, ..options };
     let half = unwrap_ball(&merged(&photo), &view, &options).unwrap();
     assert!((half.radiance[(60, 40)][1] / plain[(60, 40)][1] - 4.0).abs() < 1e-3);
-    assert_eq!((half.known[(0, 64)], half.known[(60, 40)]), (0.0, 1.0));
+    assert_eq!((half.observed[(0, 64)], half.observed[(60, 40)]), (0.0, 1.0));
 }
 
 /// With noise, in front of a real photo, and in the reflected room itself, which continues beyond the outline without
@@ -231,7 +231,7 @@ fn a_noisy_bracket_gives_exposures_and_range() {
 }
 
 #[test]
-fn no_circle_and_no_size_makes_a_panic() {
+fn invalid_circles_and_sizes_never_panic() {
     let photo = merged(&RadianceImage::from_fn(40, 30, |x, y| [(x + y) as f32; 3]));
     let circles = [-5.0, 0.0, 3.9, 4.0, 12.5, 29.9, 40.0, 1e7, f64::NAN];
     for (x, y, radius_px) in circles.iter().flat_map(|&x| circles.iter().flat_map(move |&y| circles.map(|r| (x, y, r))))
