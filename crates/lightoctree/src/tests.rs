@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 use lo_cone::ConeTracer;
 use lo_events::{Event, Stage, Warning};
 use lo_geometry::{Camera, Vec3};
-use lo_imaging::{DepthMap, FocalLength, Image, Photo, PhotoFile, PhotoExposure};
+use lo_imaging::{DepthMap, FocalLength, Image, Photo, PhotoExposure, PhotoFile};
 use lo_nets::checkpoint::Checkpoint;
 use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;

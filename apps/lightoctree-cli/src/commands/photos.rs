@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use lightoctree::geometry::{Camera, Vec3};
 use lightoctree::imaging::mirror_ball::stops_from_exif;
-use lightoctree::imaging::{self, PhotoFile, PhotoExposure};
+use lightoctree::imaging::{self, PhotoExposure, PhotoFile};
 use lightoctree::scene::poses::PhotoPoses;
 use lightoctree::scene::{Frame, PosedFrame};
 use lightoctree::{Exposures, Input};

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use lightoctree::geometry::{Camera, Orientation};
 use lightoctree::imaging::mirror_ball::{
-    self, BallCircle, BallError, BallDetection, BallLens, BallView, UnwrapOptions, UnwrappedBall,
+    self, BallCircle, BallDetection, BallError, BallLens, BallView, UnwrapOptions, UnwrappedBall,
 };
 use lightoctree::imaging::{self, Image, Photo, PhotoFile};
 use serde_json::json;
