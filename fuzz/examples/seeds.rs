@@ -1,6 +1,7 @@
-//! Writes the starting files of every target into `corpus/TARGET`; run in this folder: `cargo run --example seeds`.
+//! Writes the seed files of every target to `corpus/TARGET`; run `cargo run --example seeds` in this folder.
 //!
-//! Files of a few hundred bytes: the fuzzer finds its way from a small file of a format, not to one.
+//! Seeds have a few hundred bytes. The fuzzer needs a valid file of each format to start from, since it hardly finds
+//! one.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -36,7 +37,7 @@ fn main() -> Result {
     messages(&corpus.join("viewer"))
 }
 
-/// The smallest of the crate's own fixtures.
+/// Copies the smallest of the crate's own fixtures.
 fn depth_models(folder: &Path) -> Result {
     for entry in std::fs::read_dir("../crates/learn/lo_depth_models/tests/fixtures")? {
         let entry = entry?;
@@ -48,7 +49,7 @@ fn depth_models(folder: &Path) -> Result {
     Ok(())
 }
 
-/// Of a box, one with furniture, and one without a ceiling.
+/// Writes plans of a box, of a furnished room, and of one without a ceiling.
 fn plans(folder: &Path) -> Result {
     let floor = r#""floor":[[10,24],[28,23],[42,25],[60,24]]"#;
     let start = r#"{"width":64,"camera_height_m":1.5,"height_from":"a door""#;
@@ -67,7 +68,7 @@ fn plans(folder: &Path) -> Result {
     Ok(())
 }
 
-/// A room with every kind of file.
+/// Writes a room with every kind of file.
 fn shards(folder: &Path) -> Result {
     let shot = Shot {
         position_m: Vec3::Y,
@@ -140,7 +141,7 @@ fn scenes(folder: &Path) -> Result {
     Ok(())
 }
 
-/// A mesh with the file that it names, and a built-in one that moves.
+/// A mesh with the file that it refers to, and a moving built-in one.
 fn objects() -> SceneObjects {
     let layout = r#"[{"mesh":"a.obj","pixel":[2,3]},{"mesh":"builtin:sphere","path":{"keyframes":[{"time_s":0,"pixel":[1,3]}]}}]"#;
     let file = |name: &str, text: &str| (name.to_owned(), Arc::from(text.as_bytes()));
@@ -152,7 +153,7 @@ fn objects() -> SceneObjects {
     }
 }
 
-/// One light of each shape, and on request an emitter, which these scenes do not have.
+/// One light of each shape, and optionally an emitter, which these scenes do not have.
 fn light_edits(emitter: bool) -> Result<LightEdits> {
     let change = LightChange {
         on: false,
@@ -270,7 +271,7 @@ fn meshes(folder: &Path) -> Result {
     let save = |name: &str, format: u8, bytes: &[u8]| std::fs::write(folder.join(name), [&[format], bytes].concat());
     let picture = imaging::encode_png(&Image::from_fn(2, 2, |x, y| [200 * x as u8, 200 * y as u8, 255]));
 
-    // Three corners with normals and texture coordinates, then their indices, then the picture.
+    // Three corners with normals and texture coordinates, then their indices, then the image.
     let corners: [[f32; 8]; 3] = [
         [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
         [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0],
@@ -283,12 +284,12 @@ fn meshes(folder: &Path) -> Result {
     save("square.glb", GLTF, &glb(&triangle_json(buffer.len(), picture.len(), ""), &buffer))?;
     let uri = format!(r#","uri":"data:application/octet-stream;base64,{}""#, base64(&buffer));
     save("embedded.gltf", GLTF, triangle_json(buffer.len(), picture.len(), &uri).as_bytes())?;
-    // The target gives the mesh's own bytes for every file that it names.
+    // The target returns the mesh's own bytes for every file that it refers to.
     save("external.gltf", GLTF, triangle_json(buffer.len(), picture.len(), r#","uri":"a.bin""#).as_bytes())?;
     save("sparse.gltf", GLTF, SPARSE.as_bytes())?;
 
     save("square.obj", OBJ, b"mtllib a.mtl\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nusemtl wood\ns 1\nf 1/1/1 2/2/1 3/3/1 -1\nf 4//1 3//1 \\\n 2//1\n")?;
-    // Both OBJ and MTL: the target answers the library with the same bytes.
+    // Both OBJ and MTL: the target returns the same bytes for the library.
     save("material.obj", OBJ, b"mtllib a\nnewmtl m\nKd 0.5 0.2 0.1\nKs 1 1 1\nNs 50\nPr 0.3\nd 0.5\nillum 2\nmap_Kd -s 2 2 -clamp on a.png\nbump -bm 0.5 b.png\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 2 0\nv 0.5 0.5 0\nf 1 2 4 3 5\n")?;
     save("ascii.ply", PLY, b"ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nproperty float s\nproperty float t\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 255 0 0 0 0\n1 0 0 0 255 0 1 0\n1 1 0 0 0 255 1 1\n0 1 0 9 9 9 0 1\n4 0 1 2 3\n")?;
     let corners = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
@@ -364,7 +365,7 @@ fn base64(bytes: &[u8]) -> String {
     bytes.chunks(3).flat_map(group).collect()
 }
 
-/// A file of poses in each format.
+/// Writes a pose file of each format.
 fn poses(folder: &Path) -> Result {
     let matrix = "1,0,0,0,0,1,0,1.5,0,0,1,0,0,0,0,1";
     let rows = "[[1,0,0,0],[0,1,0,1.5],[0,0,1,0],[0,0,0,1]]";
@@ -417,7 +418,7 @@ fn texts(folder: &Path) -> Result {
     Ok(())
 }
 
-/// A session of every command, and one of gestures.
+/// Writes a session with every command, and one with gestures.
 fn messages(folder: &Path) -> Result {
     let commands = [
         r#"{"do":"add","mesh":"builtin:sphere","pixel":[2,3],"material":{"preset":"gold","roughness":0.3}}"#,

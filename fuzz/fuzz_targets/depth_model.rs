@@ -1,4 +1,4 @@
-//! Depth models: whatever the bytes of an ONNX file, an error or a prediction of finite numbers.
+//! Depth models: the bytes of an ONNX file give an error or a prediction of finite numbers.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Every picture reader, on the same bytes.
+//! Every image reader, on the same bytes.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -6,7 +6,7 @@ use lightoctree::imaging;
 use lightoctree_fuzz::let_decoders_panic;
 
 fuzz_target!(init: let_decoders_panic(), |bytes: &[u8]| {
-    // The name's extension decides only where the content says nothing.
+    // The extension is used only if the content is not recognised.
     for name in ["a", "a.hdr", "a.pfm"] {
         let _ = imaging::photo_from_bytes(bytes, name);
     }

@@ -1,4 +1,4 @@
-//! Every mesh reader; the first byte chooses the format. What loads can be hit by rays.
+//! Every mesh reader; the first byte chooses the format. Rays are cast at valid meshes.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -6,11 +6,11 @@ use lightoctree::geometry::{Ray, Vec3};
 use lightoctree::mesh::{LoadOptions, Model, PreparedModel};
 use lightoctree_fuzz::let_decoders_panic;
 
-// Textures are decoded by foreign code.
+// Textures are decoded by third-party code.
 fuzz_target!(init: let_decoders_panic(), |bytes: &[u8]| {
     let Some((choice, bytes)) = bytes.split_first() else { return };
     let options = LoadOptions::default();
-    // The files that a mesh names hold the mesh's own bytes.
+    // Every file that the mesh refers to has the mesh's own bytes.
     let resolve = |_: &str| Ok(bytes.to_vec());
     let model = match choice % 4 {
         0 => Model::from_gltf_bytes(bytes, &resolve),

@@ -1,4 +1,4 @@
-//! Text that a user types or writes: the command line, materials, paths of keyframes, layouts of objects, tables of points.
+//! Text by users: command lines, materials, keyframe paths, object layouts, tables of points.
 #![no_main]
 
 use clap::Parser;
@@ -18,7 +18,7 @@ fuzz_target!(|text: &str| {
         assert!((1..=Layout::MAX_OBJECTS).contains(&layout.objects().len()));
         let names: std::collections::HashSet<&str> = layout.objects().iter().map(|object| object.name()).collect();
         assert_eq!(names.len(), layout.objects().len());
-        // The files of paths hold the layout itself, or keyframes.
+        // Path files have the layout's own text, or keyframes.
         let is_file = |object: &lightoctree::insert::LayoutObject| matches!(object.path, Some(PathSource::File(_)));
         let files = layout.objects().iter().any(is_file);
         assert!(layout.clone().with_paths(|_| Ok(text.to_owned())).is_err() == files);

@@ -1,4 +1,4 @@
-//! Plans of rooms that panoramas show: whatever the text, an error or distances that can be.
+//! Room plans of panoramas: a text gives an error or plausible distances.
 #![no_main]
 
 use std::path::Path;

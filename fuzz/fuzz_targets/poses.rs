@@ -1,4 +1,4 @@
-//! Files of camera poses: whatever the bytes, an error or poses that turn and move only.
+//! Camera pose files: the bytes give an error or rigid transforms.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

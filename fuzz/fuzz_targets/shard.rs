@@ -1,4 +1,4 @@
-//! Shards: whatever the bytes, an error or samples whose pictures have their camera's size.
+//! Shards: the bytes give an error or samples whose photos have their camera's size.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -6,7 +6,7 @@ use lo_dataset::{Dataset, Shards};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut bytes = bytes.to_vec();
-    mend_checksums(&mut bytes);
+    correct_checksums(&mut bytes);
     let path = std::env::temp_dir().join(format!("lightoctree-fuzz-{}.tar", std::process::id()));
     std::fs::write(&path, bytes).expect("the temporary folder can be written to");
     let Ok(shards) = Shards::open(&path) else { return };
@@ -18,8 +18,8 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
-/// Makes the checksum of every tar header right: otherwise hardly a change of a header would ever get past it.
-fn mend_checksums(bytes: &mut [u8]) {
+/// Corrects the checksum of every tar header; otherwise nearly every mutation of a header would be rejected.
+fn correct_checksums(bytes: &mut [u8]) {
     let mut at = 0;
     while let Some(header) = bytes.get_mut(at..at + 512) {
         header[148..156].fill(b' ');

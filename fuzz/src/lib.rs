@@ -1,12 +1,13 @@
-//! What the targets share.
+//! Shared code of the fuzz targets.
 
 use std::panic::{set_hook, take_hook};
 
-/// For targets whose readers run foreign decoders behind `catch_unwind`: replaces the panic hook of libFuzzer, which aborts
-/// at every panic, by one that aborts only where the panic is in this project's own code.
+/// Replaces libFuzzer's panic hook, which aborts at every panic, by one that aborts only for panics in this project's
+/// code.
 ///
-/// A panic of a foreign decoder that leaves its reader still ends the program: libfuzzer-sys aborts for whatever unwinds
-/// out of a target. Call it in the target's `init`, after libFuzzer has set its own hook.
+/// For targets whose readers run third-party decoders behind `catch_unwind`. A decoder's panic that leaves its reader
+/// still ends the program, because libfuzzer-sys aborts if a target unwinds. Call this in the target's `init`, after
+/// libFuzzer has set its own hook.
 pub fn let_decoders_panic() {
     let report_and_abort = take_hook();
     set_hook(Box::new(move |panic| {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use lightoctree::geometry::{Camera, Vec3};
 use lightoctree::imaging::mirror_ball::stops_from_exif;
-use lightoctree::imaging::{self, PhotoFile, ShotExposure};
+use lightoctree::imaging::{self, PhotoExposure, PhotoFile};
 use lightoctree::scene::poses::PhotoPoses;
 use lightoctree::scene::{Frame, PosedFrame};
 use lightoctree::{Exposures, Input};
@@ -130,7 +130,7 @@ impl PhotosArgs {
 
 /// Stops by which each photo shows the same light brighter than the first, where EXIF tells exposure time and sensitivity of all.
 fn exif_stops<'a>(photos: impl Iterator<Item = &'a PhotoFile>) -> Option<Vec<f64>> {
-    let shots: Vec<ShotExposure> = photos.map(|photo| photo.exposure).collect();
+    let shots: Vec<PhotoExposure> = photos.map(|photo| photo.exposure).collect();
     let told = shots.iter().all(|shot| shot.time_s.is_some() && shot.iso.is_some());
     told.then(|| stops_from_exif(&shots)).flatten()
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use lightoctree::geometry::{Camera, Orientation};
 use lightoctree::imaging::mirror_ball::{
-    self, BallCircle, BallError, BallFind, BallLens, BallView, UnwrapOptions, UnwrappedBall,
+    self, BallCircle, BallDetection, BallError, BallLens, BallView, UnwrapOptions, UnwrappedBall,
 };
 use lightoctree::imaging::{self, Image, Photo, PhotoFile};
 use serde_json::json;
@@ -205,7 +205,7 @@ fn lens(args: &Args, photo: &PhotoFile, stages: &mut Stages) -> anyhow::Result<B
 fn stops(
     args: &Args,
     photos: &[Photo],
-    shots: &[imaging::ShotExposure],
+    shots: &[imaging::PhotoExposure],
 ) -> Result<(Vec<f64>, &'static str), BallError> {
     if photos.len() == 1 {
         return Ok((vec![0.0], "one photo"));
@@ -293,11 +293,11 @@ fn say_exposures(
 }
 
 /// The find, where it is one.
-fn sure(args: &Args, found: Option<BallFind>) -> anyhow::Result<BallFind> {
+fn sure(args: &Args, found: Option<BallDetection>) -> anyhow::Result<BallDetection> {
     let photo = args.photos[0].display();
     match found {
-        Some(found) if found.confidence >= BallFind::SURE => Ok(found),
-        Some(BallFind { view, confidence }) => {
+        Some(found) if found.confidence >= BallDetection::MIN_CONFIDENCE => Ok(found),
+        Some(BallDetection { view, confidence }) => {
             let BallCircle { x, y, radius_px } = view.circle();
             anyhow::bail!(
                 "{photo}: no ball was found; the best circle, at ({x:.0}, {y:.0}) with a radius of {radius_px:.0} pixels, \
@@ -339,7 +339,7 @@ fn say_gaps(unwrapped: &UnwrappedBall, stages: &Stages) {
 fn write(args: &Args, unwrapped: &UnwrappedBall) -> anyhow::Result<()> {
     environment::write(&args.out.output, &unwrapped.radiance, None, &args.file, COMMAND)?;
     if let Some(path) = &args.mask_out {
-        let mask = unwrapped.known.map(|&known| [known; 3]);
+        let mask = unwrapped.observed.map(|&known| [known; 3]);
         let turned = imaging::reorient(&mask, Orientation::Lightoctree, args.file.orientation);
         let grey: Image<[u8; 3]> = turned.map(|known| known.map(|v| (255.0 * v + 0.5) as u8));
         write_mask(path, &grey)?;

@@ -64,8 +64,8 @@ fn what_cannot_be_unwrapped_is_one_clear_line() {
     imaging::write_radiance(at.join("nan.pfm"), &linear, &imaging::ExrOptions::default()).unwrap();
     for (code, args, part) in [
         (1, &["flat.png"][..], "no ball was found"),
-        (2, &["a.png", "--circle", "500,60,50"], "does not lie in the photo"),
-        (2, &["a.png", "--circle", "80,60,1"], "none that could be unwrapped"),
+        (2, &["a.png", "--circle", "500,60,50"], "is outside the photo"),
+        (2, &["a.png", "--circle", "80,60,1"], "the radius must be at least 4 pixels"),
         (1, &["a.png", "wide.png", "--circle", "80,60,50"], "wide.png: 161 × 120 pixels, but a.png has 160 × 120"),
         (1, &["nan.pfm", "--circle", "80,60,50"], "nan.pfm: pixel (7, 9) is not a finite number"),
         (2, &["a.png", "--exposures", "0,1"], "1 photos need as many exposures, got 2"),

@@ -1,17 +1,18 @@
-//! Directional albedos, tabulated once (the "split sum" of Karis 2013, integrated instead of fitted).
+//! Directional albedos from a table computed once (the "split sum" of Karis 2013, integrated instead of fitted).
 
 use std::sync::LazyLock;
 
 use lo_geometry::{Vec2, Vec3, cosine_hemisphere, van_der_corput};
 
-use crate::fresnel::{fresnel, grazing};
+use crate::fresnel::{fresnel, schlick_weight};
 use crate::ggx::Ggx;
 
-/// Below this perceptual roughness a surface reflects as a perfect mirror.
+/// Perceptual roughness below which a surface reflects as a perfect mirror.
 pub const MIRROR_ROUGHNESS: f32 = 0.05;
 
-/// Share of light from the direction of the given cosine that the specular layer reflects. Light that would bounce more than
-/// once between microfacets is lost, as in glTF's model.
+/// Directional albedo of the specular layer: the share of light from a direction of the given cosine that it reflects.
+///
+/// Light that would bounce more than once between microfacets is lost, as in glTF's model.
 #[inline]
 pub fn specular_albedo(f0: Vec3, roughness: f32, cosine: f32) -> Vec3 {
     if roughness < MIRROR_ROUGHNESS {
@@ -21,7 +22,7 @@ pub fn specular_albedo(f0: Vec3, roughness: f32, cosine: f32) -> Vec3 {
     f0 * scale + Vec3::splat(bias)
 }
 
-/// Mean of [`specular_albedo`] over all directions, weighted by the cosine.
+/// Cosine-weighted mean of [`specular_albedo`] over all directions.
 #[inline]
 pub fn mean_specular_albedo(f0: Vec3, roughness: f32) -> Vec3 {
     const STEPS: usize = 8;
@@ -29,49 +30,50 @@ pub fn mean_specular_albedo(f0: Vec3, roughness: f32) -> Vec3 {
     (0..STEPS).map(|i| specular_albedo(f0, roughness, cosine(i))).sum::<Vec3>() / STEPS as f32
 }
 
-/// Share of even light that passes the specular layer into glTF's diffuse one, towards a view of the given cosine: the mean of
-/// 1 − F over the cosine-weighted hemisphere, whatever the roughness.
+/// Share of uniform light that passes the specular layer into glTF's diffuse one, for a view of the given cosine.
+///
+/// It is the mean of 1 − F over the cosine-weighted hemisphere and does not depend on roughness.
 #[inline]
-pub fn transmitted(f0: Vec3, cosine: f32) -> Vec3 {
+pub fn specular_transmittance(f0: Vec3, cosine: f32) -> Vec3 {
     let (column, fx) = cell_of(cosine);
-    let grazing = MEAN_GRAZING[column] + (MEAN_GRAZING[column + 1] - MEAN_GRAZING[column]) * fx;
-    (Vec3::ONE - f0) * (1.0 - grazing)
+    let weight = MEAN_SCHLICK[column] + (MEAN_SCHLICK[column + 1] - MEAN_SCHLICK[column]) * fx;
+    (Vec3::ONE - f0) * (1.0 - weight)
 }
 
-/// Rows and columns of the tables.
+/// Number of rows and columns of the tables.
 const SIZE: usize = 32;
 
 static SPECULAR: LazyLock<SpecularTable> = LazyLock::new(SpecularTable::new);
 
 /// Cosine-weighted mean of (1 − v·h)⁵ by the view's cosine.
-static MEAN_GRAZING: LazyLock<Vec<f32>> = LazyLock::new(|| {
+static MEAN_SCHLICK: LazyLock<Vec<f32>> = LazyLock::new(|| {
     let hemisphere = cosine_hemisphere(1024);
     let mean = |column: usize| {
         let view = view_of(cosine_of(column));
-        hemisphere.iter().map(|light| grazing(view.dot((view + *light).normalize()))).sum::<f32>()
+        hemisphere.iter().map(|light| schlick_weight(view.dot((view + *light).normalize()))).sum::<f32>()
             / hemisphere.len() as f32
     };
     (0..SIZE).map(mean).collect()
 });
 
-/// Rows and columns lie on the ends of the range, but nothing is seen at a cosine of exactly 0.
+/// Cosine of a table column. Columns span [0, 1] with both ends, but a cosine of exactly 0 has no projected area.
 fn cosine_of(column: usize) -> f32 {
     (column as f32 / (SIZE - 1) as f32).max(1e-3)
 }
 
-/// The cell that a value in [0, 1] lies in, and how far.
+/// Returns the table cell of a value in [0, 1] and the fraction within the cell.
 fn cell_of(value: f32) -> (usize, f32) {
     let x = value.clamp(0.0, 1.0) * (SIZE - 1) as f32;
     let cell = (x as usize).min(SIZE - 2);
     (cell, x - cell as f32)
 }
 
-/// The local view direction at an angle of the given cosine from the normal.
+/// Local view direction at the given cosine from the normal.
 fn view_of(cosine: f32) -> Vec3 {
     Vec3::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine)
 }
 
-/// By roughness and cosine: factors of f0 and of 1.
+/// Scale and bias of f0 by roughness and cosine.
 struct SpecularTable {
     cells: Vec<[f32; 2]>,
 }
@@ -93,8 +95,8 @@ impl SpecularTable {
         for i in 0..Self::SAMPLES {
             let random = Vec2::new(van_der_corput(i), (i as f32 + 0.5) / Self::SAMPLES as f32);
             let sample = ggx.sample(view, random);
-            // Linear in f0: black and white give both parts.
-            let black = grazing(sample.v_dot_h) * sample.weight;
+            // The albedo is linear in f0: `black` is its value at f0 = 0.
+            let black = schlick_weight(sample.v_dot_h) * sample.weight;
             sums[0] += sample.weight - black;
             sums[1] += black;
         }
@@ -117,7 +119,7 @@ mod tests {
     use super::*;
     use crate::metallic_roughness::specular_cos;
 
-    /// Plain midpoint quadrature over the hemisphere of light directions in f64, from glTF's appendix B.3 word by word.
+    /// Midpoint quadrature over the hemisphere of light directions in f64, a literal transcription of glTF's B.3.
     fn albedo_by_quadrature(cosine: f64, alpha: f64, f0: f64) -> (f64, f64) {
         let (rows, columns) = (800, 800);
         let v = [(1.0 - cosine * cosine).sqrt(), 0.0, cosine];
@@ -154,7 +156,7 @@ mod tests {
             let found = f64::from(specular_albedo(at, roughness as f32, cosine as f32).x);
             // 1024 quasi-random samples and linear interpolation of a 32 × 32 table
             assert!((found - specular).abs() < 0.01, "{cosine} {roughness} {f0}: {found} for {specular}");
-            let found = f64::from(transmitted(at, cosine as f32).x);
+            let found = f64::from(specular_transmittance(at, cosine as f32).x);
             assert!((found - diffuse).abs() < 0.005, "{cosine} {f0}: {found} for {diffuse}");
         }
     }
@@ -176,12 +178,12 @@ mod tests {
         for i in 0..=1000 {
             let (roughness, cosine) = ((i % 30) as f32 / 29.0, (i / 30) as f32 / 33.0);
             assert!(specular_albedo(Vec3::ONE, roughness, cosine).max_element() <= 1.0 + 1e-4);
-            assert!(transmitted(Vec3::ZERO, cosine).max_element() <= 1.0 + 1e-4);
+            assert!(specular_transmittance(Vec3::ZERO, cosine).max_element() <= 1.0 + 1e-4);
         }
         for roughness in [0.0, 0.3, 0.7, 1.0] {
             assert!(mean_specular_albedo(Vec3::ONE, roughness).max_element() <= 1.0 + 1e-4);
         }
-        // Smooth microfacets bounce light once, so that all of it returns.
+        // Smooth surfaces have single-bounce reflection only, so no light is lost.
         for (roughness, cosine) in [(0.0, 0.05), (0.0, 0.9), (0.05, 0.3), (0.05, 0.9)] {
             let white = specular_albedo(Vec3::ONE, roughness, cosine).x;
             assert!((white - 1.0).abs() < 0.01, "{roughness} {cosine}: {white}");

@@ -1,66 +1,69 @@
-//! The GGX distribution of microfacets (Trowbridge and Reitz 1975, Walter et al. 2007), isotropic, with Smith's masking.
+//! The isotropic GGX microfacet distribution (Trowbridge and Reitz 1975, Walter et al. 2007) with Smith masking.
 
 use std::f32::consts::{PI, TAU};
 
 use lo_geometry::{Vec2, Vec3};
 
-/// Smallest α: a mirror for every pixel, still finite in f32.
+/// Smallest α: visually a mirror, and still finite in f32.
 const MIN_ALPHA: f32 = 1e-3;
 
-/// Smallest cosine between normal and view: of surfaces whose shading normal faces away, finite in f32.
+/// Smallest cosine between normal and view. Keeps results finite where the shading normal faces away.
 pub const MIN_COSINE: f32 = 1e-3;
 
-/// A rough surface of perfect mirrors.
+/// An isotropic GGX microfacet distribution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ggx {
     alpha: f32,
 }
 
-/// A direction that [`Ggx::sample`] chose.
+/// A direction drawn by [`Ggx::sample`].
 #[derive(Clone, Copy, Debug)]
 pub struct GgxSample {
-    /// Local direction towards the light; may point below the surface, where it carries nothing.
+    /// Local direction towards the light. It may point below the surface; its weight is then 0.
     pub light: Vec3,
     /// Cosine between view and half vector, for the Fresnel term.
     pub v_dot_h: f32,
-    /// What multiplies Fresnel's term and radiance in a plain mean: G₁ of the light's direction, 0 below the surface.
+    /// Sample weight: a Monte Carlo estimate is the mean of `fresnel · weight · radiance`. G₁ of the light's direction,
+    /// 0 below the surface.
     pub weight: f32,
-    /// Density of the direction per steradian.
+    /// Probability density of the direction, per steradian.
     pub pdf_per_sr: f32,
 }
 
 impl Ggx {
-    /// Of perceptual roughness in [0, 1].
+    /// Creates the distribution for a perceptual roughness in [0, 1].
     #[inline]
     pub fn from_roughness(roughness: f32) -> Self {
         Self { alpha: (roughness * roughness).max(MIN_ALPHA) }
     }
 
-    /// α, at least 0.001.
+    /// Returns α, at least 0.001.
     #[inline]
     pub fn alpha(self) -> f32 {
         self.alpha
     }
 
-    /// Density of microfacet normals D(h), per steradian of h and area of the surface.
+    /// Density of microfacet normals D(h), per steradian and unit surface area.
     #[inline]
     pub fn density(self, n_dot_h: f32) -> f32 {
-        // 1 + (α² − 1) cos² written without cancellation where cos² is near 1 and α small.
+        // 1 + (α² − 1) cos², written to avoid cancellation for cos² near 1 and small α.
         let cos2 = (n_dot_h * n_dot_h).min(1.0);
         let alpha2 = self.alpha * self.alpha;
         let f = (1.0 - cos2) + alpha2 * cos2;
         alpha2 / (PI * f * f)
     }
 
-    /// Smith's masking G₁ of a direction, given its cosine from the normal (glTF's appendix B.3.2 uses the product of two).
+    /// Smith's masking function G₁ for a direction's cosine from the normal. glTF's B.3.2 uses the product of two.
     #[inline]
     pub fn masking(self, cosine: f32) -> f32 {
         let alpha2 = self.alpha * self.alpha;
         2.0 * cosine / (cosine + (alpha2 + (1.0 - alpha2) * cosine * cosine).sqrt())
     }
 
-    /// BRDF of perfect mirrors times the cosine of the light's direction, per steradian, and the cosine between view and half
-    /// vector, for the Fresnel term. Zero where the light is below the surface; views from below count as [`MIN_COSINE`].
+    /// Returns the BRDF without Fresnel term times the light's cosine, per steradian, and the cosine between view and
+    /// half vector for that term.
+    ///
+    /// Zero for a light below the surface. View cosines are clamped to [`MIN_COSINE`].
     #[inline]
     pub fn reflection_cos(self, normal: Vec3, view: Vec3, light: Vec3) -> (f32, f32) {
         let (n_dot_l, n_dot_v) = (normal.dot(light), normal.dot(view).max(MIN_COSINE));
@@ -72,7 +75,8 @@ impl Ggx {
         (shape / (4.0 * n_dot_v), view.dot(half))
     }
 
-    /// Samples the half vectors that `view` (local, z > 0) sees, `random` in [0, 1)² (spherical caps, Dupuy and Benyoub 2023).
+    /// Samples the visible normals for `view` (local, z > 0) with `random` in [0, 1)² (spherical caps, Dupuy and
+    /// Benyoub 2023).
     #[inline]
     pub fn sample(self, view: Vec3, random: Vec2) -> GgxSample {
         let alpha = self.alpha;
@@ -89,7 +93,8 @@ impl Ggx {
         GgxSample { light, v_dot_h, weight, pdf_per_sr }
     }
 
-    /// Density per steradian with which [`Ggx::sample`] chooses `light`. Its integral over the sphere is 1.
+    /// Probability density, per steradian, with which [`Ggx::sample`] draws `light`. It integrates to 1 over the
+    /// sphere.
     #[inline]
     pub fn pdf_per_sr(self, normal: Vec3, view: Vec3, light: Vec3) -> f32 {
         let n_dot_v = normal.dot(view).max(MIN_COSINE);
@@ -110,7 +115,7 @@ mod tests {
         Ggx { alpha }
     }
 
-    /// At an angle of the given cosine from the normal, turned about it.
+    /// Direction at the given cosine from the normal and azimuth about it.
     fn direction(cosine: f32, azimuth: f32) -> Vec3 {
         let radius = (1.0 - cosine * cosine).sqrt();
         Vec3::new(radius * azimuth.cos(), radius * azimuth.sin(), cosine)
@@ -130,8 +135,8 @@ mod tests {
 
     #[test]
     fn samples_pass_a_chi_squared_test_against_their_density() {
-        // As pbrt-v4's bsdfs_test does it: counts of samples on a grid over the sphere against the density's integrals over the
-        // cells, cells of fewer than 5 expected samples pooled.
+        // As in pbrt-v4's bsdfs_test: sample counts on a grid over the sphere against the pdf's integrals over the
+        // cells. Cells with fewer than 5 expected samples are pooled.
         const ROWS: usize = 40;
         const COLUMNS: usize = 80;
         const INNER: usize = 8;
@@ -178,7 +183,7 @@ mod tests {
             if pooled.1 > 5.0 {
                 count(pooled.0, pooled.1);
             }
-            // Wilson and Hilferty (1931): the cube root is nearly normal. 3.5 deviations are one chance in 4,000.
+            // Wilson and Hilferty (1931): the cube root is nearly normal. 3.5 standard deviations: one chance in 4,000.
             let freedom = f64::from(cells - 1);
             let variance = 2.0 / (9.0 * freedom);
             let deviations = ((chi2 / freedom).cbrt() - (1.0 - variance)) / variance.sqrt();
@@ -190,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_bears_its_own_density_and_weight() {
+    fn a_samples_pdf_and_weight_match_the_brdf() {
         for (alpha, cosine) in [(0.05, 0.8), (0.3, 0.4), (1.0, 0.15)] {
             let (ggx, view) = (ggx(alpha), direction(cosine, 0.0));
             let mut stream = lo_random::stream(2, "ggx samples", 0);
@@ -202,7 +207,7 @@ mod tests {
                 }
                 let density = ggx.pdf_per_sr(Vec3::Z, view, sample.light);
                 assert!((sample.pdf_per_sr / density - 1.0).abs() < 0.01, "{} for {density}", sample.pdf_per_sr);
-                // What a plain mean takes is the BRDF over the density.
+                // The weight is the BRDF over the pdf.
                 let weight = ggx.reflection_cos(Vec3::Z, view, sample.light).0 / density;
                 assert!((sample.weight - weight).abs() < 1e-3, "{} for {weight}", sample.weight);
             }
@@ -223,7 +228,7 @@ mod tests {
                 let alpha64 = f64::from(alpha);
                 let expected =
                     density_f64(half.z, alpha64) * masking_f64(v.z, alpha64) * masking_f64(l.z, alpha64) / (4.0 * v.z);
-                // n·h has 2⁻²⁴ of rounding, which weighs by 1 / α² where h is near the normal.
+                // n·h has a rounding error of 2⁻²⁴, amplified by 1 / α² where h is near the normal.
                 let close = 1e-4 + 2e-7 / f64::from((alpha * alpha).max(1.0 - half.z as f32 * half.z as f32));
                 assert!(
                     (f64::from(found) / expected - 1.0).abs() < close,

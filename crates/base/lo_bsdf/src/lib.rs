@@ -1,14 +1,17 @@
-//! How surfaces scatter light: the metallic-roughness model of glTF 2.0 (appendix B.3), a GGX layer over Lambert's diffuse one.
+//! Surface scattering: the metallic-roughness model of glTF 2.0 (appendix B.3), a GGX layer over a Lambertian one.
 //!
-//! - [`Ggx`]: the distribution of microfacets with Smith's masking, its samples and their density.
-//! - [`fresnel`]: Schlick's Fresnel term; [`specular_cos`]: the layer's BRDF with it.
-//! - [`specular_albedo`], [`mean_specular_albedo`], [`transmitted`]: what the layer reflects of even light, and what passes it.
-//! - [`MetallicRoughness`]: a surface point's parameters from a material's.
-//! - [`pane_reflectance`]: a thin clear sheet.
+//! - [`Ggx`]: the microfacet distribution with Smith masking, its sampling and pdf.
+//! - [`fresnel`]: Schlick's Fresnel term; [`specular_cos`]: the specular layer's BRDF.
+//! - [`specular_albedo`], [`mean_specular_albedo`], [`specular_transmittance`]: the shares of uniform light that the
+//!   layer reflects and transmits.
+//! - [`MetallicRoughness`]: a surface point's BSDF parameters from a material's.
+//! - [`pane_reflectance`]: a thin sheet of clear glass.
 //!
-//! Directions are unit vectors that point away from the surface. Local frames have the normal as +Z. Roughness is perceptual,
-//! GGX's α is its square. The diffuse layer is left to the user: insertion takes glTF's, which lets [`transmitted`] through,
-//! light transport what [`specular_albedo`] leaves, so that nothing is lost between the two.
+//! Directions are unit vectors that point away from the surface. Local frames have the normal as +Z. Roughness is
+//! perceptual: GGX's α is its square.
+//!
+//! Callers choose the diffuse layer. Insertion uses glTF's, which receives [`specular_transmittance`]. Light transport
+//! uses the remainder of [`specular_albedo`], so that energy is conserved between the two layers.
 
 mod albedo;
 mod fresnel;
@@ -16,8 +19,8 @@ mod ggx;
 mod metallic_roughness;
 mod pane;
 
-pub use albedo::{MIRROR_ROUGHNESS, mean_specular_albedo, specular_albedo, transmitted};
-pub use fresnel::{DIELECTRIC_F0, fresnel, grazing};
+pub use albedo::{MIRROR_ROUGHNESS, mean_specular_albedo, specular_albedo, specular_transmittance};
+pub use fresnel::{DIELECTRIC_F0, fresnel, schlick_weight};
 pub use ggx::{Ggx, GgxSample, MIN_COSINE};
 pub use metallic_roughness::{MetallicRoughness, specular_cos};
 pub use pane::{mean_pane_reflectance, pane_reflectance};

@@ -1,4 +1,4 @@
-//! A point of a metallic-roughness surface.
+//! BSDF parameters of a metallic-roughness surface.
 
 use lo_geometry::Vec3;
 
@@ -17,7 +17,7 @@ pub struct MetallicRoughness {
 }
 
 impl MetallicRoughness {
-    /// From base colour, metalness and perceptual roughness, each in [0, 1].
+    /// Converts base colour, metalness and perceptual roughness, each in [0, 1].
     pub fn new(base_color: Vec3, metallic: f32, roughness: f32) -> Self {
         Self {
             diffuse: base_color * (1.0 - metallic),
@@ -26,16 +26,16 @@ impl MetallicRoughness {
         }
     }
 
-    /// Its microfacets.
+    /// Returns the microfacet distribution.
     #[inline]
     pub fn ggx(&self) -> Ggx {
         Ggx::from_roughness(self.roughness)
     }
 }
 
-/// BRDF of a GGX layer times the cosine of the light's direction, per steradian (see [`Ggx::reflection_cos`]).
+/// BRDF of the specular GGX layer times the light's cosine, per steradian (see [`Ggx::reflection_cos`]).
 #[inline]
 pub fn specular_cos(f0: Vec3, ggx: Ggx, normal: Vec3, view: Vec3, light: Vec3) -> Vec3 {
-    let (mirrors, v_dot_h) = ggx.reflection_cos(normal, view, light);
-    fresnel(f0, v_dot_h) * mirrors
+    let (reflection, v_dot_h) = ggx.reflection_cos(normal, view, light);
+    fresnel(f0, v_dot_h) * reflection
 }

@@ -5,50 +5,50 @@ use serde::Serialize;
 
 use crate::{Stage, Warning};
 
-/// What a job says.
+/// An event of a running job.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub enum Event {
-    /// A stage begins.
+    /// A stage has begun.
     Begun(Stage),
-    /// A part of a stage is done.
+    /// Steps of a stage are done.
     Progress {
         /// The stage.
         stage: Stage,
-        /// Its steps that are done.
+        /// Number of steps done.
         done: u64,
-        /// All of its steps.
+        /// Number of all steps.
         total: u64,
     },
     /// A stage is done.
     Done {
         /// The stage.
         stage: Stage,
-        /// How long it took.
+        /// Duration of the stage.
         took: Duration,
     },
-    /// Numbers that a stage came to, on its way or at its end.
+    /// Measured values of a stage, during it or at its end.
     Figures {
         /// The stage.
         stage: Stage,
-        /// Its figures.
+        /// The values.
         figures: Vec<Figure>,
     },
-    /// Something that the user should know.
+    /// A problem or an assumption that the user should know about.
     Warning(Warning),
 }
 
-/// A number with a name.
+/// A named number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figure {
-    /// What it is, with its unit where it has one: `psnr_db`, `depth_abs_rel`, `octree`.
+    /// Name, with the unit if there is one: `psnr_db`, `depth_abs_rel`, `octree`.
     pub name: &'static str,
-    /// How much.
+    /// Value.
     pub value: f64,
 }
 
 impl Event {
-    /// Share of its stage that is done, from 0 to 1; `None` for what says nothing of that.
+    /// Completed share of the event's stage, from 0 to 1; `None` for events without progress.
     pub fn fraction(&self) -> Option<f64> {
         match self {
             Self::Begun(_) => Some(0.0),
@@ -59,72 +59,72 @@ impl Event {
     }
 }
 
-/// Hears events, and says whether the job goes on.
+/// An event handler. It receives each event and returns whether the job continues.
 pub type OnEvent<'a> = &'a mut dyn FnMut(Event) -> ControlFlow<()>;
 
-/// The handler asked the job to end. What it had written is as it was before the step at which it ended.
+/// Error of a job that its handler cancelled. Outputs are as they were before the step at which it stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("cancelled")]
 pub struct Cancelled;
 
-/// The handler of who wants to hear nothing: `&mut ignore`.
+/// A handler that ignores all events: `&mut ignore`.
 pub fn ignore(_event: Event) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// Does one stage, and says when it begins and how long it took.
+/// Runs one stage and reports its beginning and its duration.
 ///
 /// # Errors
-/// [`Cancelled`] before the work or after it.
+/// [`Cancelled`] before or after the work.
 pub fn stage<T>(on_event: OnEvent<'_>, stage: Stage, work: impl FnOnce() -> T) -> Result<T, Cancelled> {
-    say(on_event, Event::Begun(stage.clone()))?;
+    send(on_event, Event::Begun(stage.clone()))?;
     let begun = Instant::now();
     let result = work();
-    say(on_event, Event::Done { stage, took: begun.elapsed() })?;
+    send(on_event, Event::Done { stage, took: begun.elapsed() })?;
     Ok(result)
 }
 
-/// Does one stage that says how far it is, and says when it begins and how long it took.
+/// Runs one stage that reports its own progress, and reports its beginning and its duration.
 ///
 /// # Errors
-/// Those of the work; [`Cancelled`] before it, within it or after it.
+/// Errors of the work; [`Cancelled`] before, during or after it.
 pub fn stage_of_steps<T, E: From<Cancelled>>(
     on_event: OnEvent<'_>,
     stage: Stage,
     work: impl FnOnce(OnEvent<'_>) -> Result<T, E>,
 ) -> Result<T, E> {
-    say(on_event, Event::Begun(stage.clone()))?;
+    send(on_event, Event::Begun(stage.clone()))?;
     let begun = Instant::now();
     let result = work(on_event)?;
-    say(on_event, Event::Done { stage, took: begun.elapsed() })?;
+    send(on_event, Event::Done { stage, took: begun.elapsed() })?;
     Ok(result)
 }
 
-/// Says how far a stage is.
+/// Reports the progress of a stage.
 ///
 /// # Errors
 /// [`Cancelled`].
 pub fn progress(on_event: OnEvent<'_>, stage: Stage, done: u64, total: u64) -> Result<(), Cancelled> {
-    say(on_event, Event::Progress { stage, done, total })
+    send(on_event, Event::Progress { stage, done, total })
 }
 
-/// Says something that the user should know.
+/// Reports a warning.
 ///
 /// # Errors
 /// [`Cancelled`].
 pub fn warn(on_event: OnEvent<'_>, warning: Warning) -> Result<(), Cancelled> {
-    say(on_event, Event::Warning(warning))
+    send(on_event, Event::Warning(warning))
 }
 
-/// Says the numbers that a stage came to.
+/// Reports measured values of a stage.
 ///
 /// # Errors
 /// [`Cancelled`].
 pub fn figures(on_event: OnEvent<'_>, stage: Stage, figures: Vec<Figure>) -> Result<(), Cancelled> {
-    say(on_event, Event::Figures { stage, figures })
+    send(on_event, Event::Figures { stage, figures })
 }
 
-fn say(on_event: OnEvent<'_>, event: Event) -> Result<(), Cancelled> {
+fn send(on_event: OnEvent<'_>, event: Event) -> Result<(), Cancelled> {
     match on_event(event) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(Cancelled),
@@ -139,15 +139,15 @@ mod tests {
     fn a_handler_that_breaks_ends_the_job_before_or_after_the_work() {
         let mut worked = 0;
         for at in 0..3 {
-            let mut heard = 0;
+            let mut received = 0;
             let on_event = &mut |_| {
-                heard += 1;
-                if heard > at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                received += 1;
+                if received > at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
             let result = stage(on_event, Stage::Octree, || worked += 1);
             assert_eq!(result, if at < 2 { Err(Cancelled) } else { Ok(()) });
         }
-        assert_eq!(worked, 2, "not where the beginning was refused");
+        assert_eq!(worked, 2, "no work after a handler that breaks at the stage's beginning");
     }
 
     #[test]

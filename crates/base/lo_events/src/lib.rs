@@ -1,7 +1,8 @@
-//! What a long job says on its way: one stream for command line, viewer and Python alike.
+//! Progress events, warnings and cancellation of long jobs: one stream for the command line, the viewer and Python.
 //!
-//! A job takes a handler, [`OnEvent`], and calls it between its steps. What the handler answers decides whether the job goes on:
-//! [`Break`](std::ops::ControlFlow::Break) ends it with [`Cancelled`]. Events are data; the words for a person are the front end's.
+//! A job takes a handler, [`OnEvent`], and calls it between its steps. A handler that returns
+//! [`Break`](std::ops::ControlFlow::Break) cancels the job, which then returns [`Cancelled`]. Events are structured
+//! data; the front end formats them.
 //!
 //! ```
 //! use std::ops::ControlFlow;

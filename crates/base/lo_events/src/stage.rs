@@ -2,93 +2,93 @@ use std::fmt;
 
 use serde::Serialize;
 
-/// A part of a job that takes a while.
+/// A stage of a long job.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize)]
 #[non_exhaustive]
 pub enum Stage {
-    /// Files of the input are read.
+    /// Reading input files.
     ReadInput,
-    /// Weights of the networks are read.
+    /// Reading the networks' weights.
     ReadWeights,
-    /// The photo and its depth are brought to the working resolution.
+    /// Resizing the photo and its depth to the working resolution.
     WorkingResolution,
-    /// Several photos of one room are compared: whether their poses fit, and how brightly each shows the same light.
+    /// Comparing several photos of one room: consistency of their poses, and their relative exposures.
     Photos,
-    /// The depth network predicts depth, and with it what the photo tells of the light outside of it.
+    /// The depth network predicting depth together with global lighting.
     DepthAndGlobalLight,
-    /// A depth network of others is read from its file.
+    /// Reading a third-party depth model.
     ReadDepthModel,
-    /// A depth network of others is made ready for photos of one size.
+    /// Preparing a third-party depth model for photos of one size.
     PrepareDepthModel,
-    /// A depth network of others predicts depth.
+    /// A third-party depth model predicting depth.
     DepthModel,
-    /// The depth network tells what the photo says of the light outside of it, and how the camera was held.
+    /// The depth network predicting global lighting and camera orientation, without depth.
     GlobalLight,
-    /// The light network makes the octree of the whole room.
+    /// The light network predicting the octree of the whole room.
     LightNetwork,
-    /// The room is completed without a network.
+    /// Completing the room without a network.
     Completion,
-    /// The octree is built.
+    /// Building the octree.
     Octree,
-    /// A panorama of the room is compared with what the photo shows.
+    /// Aligning a panorama of the room with the photo.
     PanoramaMatch,
-    /// A panorama of the room is laid onto what the photo does not show.
+    /// Projecting a panorama of the room onto unobserved regions.
     PanoramaLaying,
-    /// The panoramas of many places are rendered.
+    /// Rendering the panoramas of many probes.
     Probes,
-    /// The object's shadow on real surfaces, coarsely: for the light that they send back to it.
+    /// Computing the object's coarse shadow on real surfaces, for the light that they reflect back to it.
     CoarseShadow,
-    /// Light on the object, for what it gives off to itself and to what is around.
+    /// Computing the object's radiosity, for its light on itself and its surroundings.
     Radiosity,
-    /// The object's shadow on real surfaces, and the light that it sends to them.
+    /// Computing the object's shadow on real surfaces, and the light that it reflects onto them.
     FineShadow,
-    /// What the camera sees of the object.
+    /// Computing which parts of the object the camera sees.
     Visibility,
-    /// The light that the seen parts of the object send to the camera.
+    /// Shading the visible parts of the object.
     Shading,
-    /// Photo, shadow and object are put together.
+    /// Compositing photo, shadow and object.
     Composite,
-    /// Results are written.
+    /// Writing results.
     Write,
-    /// Rooms are generated.
+    /// Generating rooms.
     GenerateRooms,
-    /// Samples of a data set are read.
+    /// Reading samples of a dataset.
     ReadSamples,
-    /// Photos of a data set are evaluated by every method.
+    /// Evaluating all methods on the photos of a dataset.
     EvaluatePhotos,
-    /// A phase of training; its steps are photos or batches of them.
+    /// A training phase; its steps are photos or batches of them.
     Training(TrainingPhase),
-    /// Figures on scenes that are held out of training.
+    /// Evaluating on scenes held out of training.
     Validation,
-    /// What a run needs to go on is written.
+    /// Writing a checkpoint.
     Checkpoint,
 }
 
 /// A phase of training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct TrainingPhase {
-    /// What it trains.
+    /// The networks that it trains.
     pub networks: TrainedNetworks,
-    /// Which of the phases that train the same, from 1.
+    /// Number of the phase among those that train the same networks, from 1.
     pub number: usize,
-    /// How many of these there are.
+    /// Number of phases that train the same networks.
     pub of: usize,
 }
 
-/// What a phase of training trains.
+/// The networks that a training phase trains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub enum TrainedNetworks {
     /// The depth network.
     Depth,
     /// The light network.
     Light,
-    /// Both together.
+    /// The depth and the light network together.
     Joint,
-    /// The network of expected light.
+    /// The expected-light network.
     Expected,
 }
 
-/// `joint`, `light 2/3`: what logs and errors call it.
+/// The name used in logs and errors: `joint`, `light 2/3`.
 impl fmt::Display for TrainingPhase {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self.networks {

@@ -2,177 +2,177 @@ use serde::Serialize;
 
 use crate::TrainingPhase;
 
-/// Something that the user should know. Numbers, no words: those are the front end's.
+/// A problem or an assumption that the user should know about. Structured values; the front end formats them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub enum Warning {
-    /// Depth is predicted from the photo alone: distances, all sizes and which way is up may be off.
+    /// Depth is predicted from the photo alone: distances, sizes and the up direction are uncertain.
     PredictedDepth,
-    /// A depth model gives relative depth: its scale is that of the own depth network's metres.
+    /// A depth model returned relative depth, which was fitted to the metric depth of the built-in depth network.
     FittedDepth {
-        /// `a` of `1 / z = a · d + b`; 1 where the model gives the logarithm of depth.
+        /// `a` of `1 / z = a · d + b`; 1 if the model returns the logarithm of depth.
         scale: f64,
         /// `b`.
         offset: f64,
-        /// Share of the pixels whose depths agree with the own network's within a ratio of 1.25.
+        /// Share of pixels whose depth agrees with the built-in network's within a ratio of 1.25.
         agree: f64,
-        /// Median of the ratios of the two depths, less one.
+        /// Median ratio of the two depths, minus 1.
         median_error: f64,
     },
-    /// Points lie outside of the octree's cube and were left out.
+    /// Points outside the octree's cube were discarded.
     OutsideCube {
-        /// How many.
+        /// Number of discarded points.
         outside: usize,
-        /// Of how many.
+        /// Number of all points.
         points: usize,
     },
-    /// By their poses two photos show the same places, but their depths do not quite agree there.
+    /// Depths of two photos disagree where their poses make them overlap.
     PosesDisagree {
-        /// Their indices.
+        /// Indices of the photos.
         photos: [usize; 2],
-        /// Median difference of the depths, share of the depth.
+        /// Median relative difference of the depths.
         disagreement: f32,
     },
-    /// Photos show nothing that the first or those compared with it show: how brightly they show the same light was guessed.
+    /// Photos overlap neither the first photo nor any photo compared with it: their relative exposures were assumed.
     AssumedExposures {
-        /// Their indices.
+        /// Indices of the photos.
         photos: Vec<usize>,
     },
-    /// An inserted object does not show: real surfaces, or other objects, stand before all of it.
+    /// An inserted object is completely hidden by real surfaces or other objects.
     ObjectHidden {
-        /// Which of those that are inserted together, from 0.
+        /// Index among the inserted objects, from 0.
         object: usize,
     },
-    /// An inserted object does not show: it lies outside of the picture.
+    /// An inserted object is outside the photo.
     ObjectOutsidePicture {
-        /// Which of those that are inserted together, from 0.
+        /// Index among the inserted objects, from 0.
         object: usize,
     },
-    /// An inserted object lies outside of the lighting octree: its light is a guess.
+    /// An inserted object is outside the lighting octree: its light is unreliable.
     ObjectOutsideOctree {
-        /// Which of those that are inserted together, from 0.
+        /// Index among the inserted objects, from 0.
         object: usize,
     },
-    /// An inserted object stands on a surface that ends below it: most of its base hangs in the air.
+    /// An inserted object overhangs the surface it stands on: most of its base is unsupported.
     ObjectOverhangs {
-        /// Which of those that are inserted together, from 0.
+        /// Index among the inserted objects, from 0.
         object: usize,
-        /// Share of the base that is carried, from 0 to 1, of what can be judged.
+        /// Supported share, from 0 to 1, of the part of the base that can be judged.
         supported: f32,
     },
-    /// Two inserted objects reach into one another.
+    /// Two inserted objects intersect.
     ObjectsIntersect {
-        /// Which of those that are inserted together, from 0.
+        /// Indices among the inserted objects, from 0.
         objects: [usize; 2],
     },
-    /// Pixels have no depth reading; theirs was taken from the room's planes or from around them.
+    /// Pixels without a depth reading were filled from the room's planes or from their neighbours.
     FilledDepth {
-        /// How many.
+        /// Number of filled pixels.
         filled: usize,
-        /// Of how many.
+        /// Number of all pixels.
         pixels: usize,
     },
-    /// What the sensor clipped was made brighter than white.
+    /// Clipped highlights were reconstructed brighter than white.
     Highlights {
         /// Share of the photo's pixels that are clipped, from 0 to 1.
         clipped_share: f32,
-        /// Connected regions that were made brighter.
+        /// Number of connected regions that were made brighter.
         regions: usize,
-        /// Greatest radiance given to any of them; the photo's white is 1.
+        /// Greatest reconstructed radiance; the photo's white is 1.
         peak_radiance: f32,
     },
-    /// What is seen does not explain its light: a lamp in the ceiling was assumed, where it is not seen.
+    /// Visible emitters do not explain the photo's shading: a lamp was assumed in the unobserved part of the ceiling.
     AssumedLamp {
-        /// Radiance in its middle; the photo's white is 1.
+        /// Radiance at its centre; the photo's white is 1.
         radiance: f32,
     },
-    /// What was guessed of lamps, windows and surfaces is as bright as the photo's shading asks for.
+    /// The brightness of inferred lamps, windows and surfaces was fitted to the photo's shading.
     FittedLamps {
-        /// Factor on guessed lamps and windows, where they give a share of the light that counts.
+        /// Factor on inferred lamps and windows; `None` if their share of the light is too small to fit.
         lamps: Option<f32>,
-        /// What they give now, as a share of the light on what is seen.
+        /// Their fitted share of the light on observed surfaces.
         lamps_share: f32,
-        /// Factor on what the photo shows of lamps and windows but clipped, beyond what such regions usually have, likewise.
+        /// Factor on clipped lamps and windows beyond the usual highlight reconstruction; `None` as for `lamps`.
         clipped_lamps: Option<f32>,
-        /// What these give now, likewise.
+        /// Their fitted share of the light on observed surfaces.
         clipped_share: f32,
-        /// Factor on guessed surfaces.
+        /// Factor on inferred surfaces.
         surfaces: f32,
     },
-    /// Planes of the room are not seen, so their place is assumed.
+    /// Positions of unobserved planes of the room were assumed.
     AssumedPlanes {
-        /// Whether the floor is one of them.
+        /// Whether the floor's was.
         floor: bool,
-        /// Whether the ceiling is one of them.
+        /// Whether the ceiling's was.
         ceiling: bool,
-        /// How many of the four walls are.
+        /// For how many of the four walls.
         walls: usize,
     },
-    /// The panorama of the room is no HDR image: where it is clipped its light is a lower bound.
+    /// The room's panorama is not HDR: radiance of its clipped pixels is a lower bound.
     ClippedPanorama {
-        /// Share of its pixels that are clipped, from 0 to 1.
+        /// Share of clipped pixels, from 0 to 1.
         clipped_share: f32,
     },
-    /// Values of the panorama of the room were negative or no numbers, and are taken as 0.
+    /// Negative, NaN and infinite values of the room's panorama were replaced by 0.
     PanoramaValues {
-        /// Pixels with such values.
+        /// Number of pixels with such values.
         cleaned: usize,
-        /// Of how many.
+        /// Number of all pixels.
         pixels: usize,
     },
-    /// The panorama hardly shows what the photo shows: it may be of another room, of another place in it, or turned otherwise.
+    /// The panorama matches the photo poorly: it may be of another room or position, or have another orientation.
     PanoramaMatch {
-        /// How well it does, from 0 to 1.
+        /// Confidence of the match, from 0 to 1.
         confidence: f32,
-        /// The confidence below which this is said.
+        /// Confidence below which this warning is given.
         least: f32,
-        /// The yaw it was laid with, degrees.
+        /// Yaw with which the panorama was used, in degrees.
         yaw_deg: f32,
     },
-    /// The panorama's place sees next to nothing of what the photo shows, so nothing can be compared.
+    /// The panorama's position sees too little of the observed region for a comparison with the photo.
     PanoramaNotCompared,
-    /// The light network took no node of a depth to be occupied; the likeliest one was.
+    /// The light network predicted no occupied node at a depth; the most probable one was used.
     NothingOccupied {
         /// Depth of the nodes.
         depth: u32,
     },
-    /// The light network would split more nodes than fit its budget: only the likeliest were.
+    /// The light network predicted more nodes than fit its budget; the most probable ones were split.
     NodeBudget {
         /// Depth of the nodes.
         depth: u32,
-        /// How many it would split.
+        /// Number of nodes predicted to be split.
         predicted: usize,
-        /// How many were.
+        /// Number of nodes split.
         kept: usize,
     },
-    /// A sample of a dataset cannot be used and was passed over.
+    /// An unusable sample of a dataset was skipped.
     SamplePassedOver {
-        /// Its name, or its place in the dataset.
+        /// Name of the sample, or its index in the dataset.
         sample: String,
-        /// What is wrong with it.
+        /// Error of reading it.
         error: String,
     },
-    /// The weights that an encoder begins with are not the published ones: a converted file, or others.
+    /// The encoder's initial weights are not the published file: they were converted or trained differently.
     UnpublishedEncoder {
-        /// The file's name.
+        /// File name.
         file: String,
-        /// Its SHA-256, in hexadecimal.
+        /// SHA-256 of the file, in hexadecimal.
         sha256: String,
     },
-    /// The dataset is not the one that a run was begun with: its next epoch begins.
+    /// The dataset differs from the one that the run was started with: the next epoch begins.
     DatasetChanged {
-        /// The epoch that begins.
+        /// Epoch that begins.
         epoch: u64,
     },
-    /// Training met numbers that are none and went back to its last checkpoint, to go on with other data.
+    /// Training met NaN or infinite values and went back to its last checkpoint, to continue with other data.
     SetBack {
-        /// The phase.
+        /// Training phase.
         phase: TrainingPhase,
-        /// Its step at which that happened.
+        /// Step of the phase at which that happened.
         step: u64,
-        /// What is no number.
+        /// Name of the value that is NaN or infinite.
         fault: String,
-        /// The step of the checkpoint.
+        /// Step of the checkpoint.
         back_to_step: u64,
     },
 }

@@ -1,1 +1,3 @@
-//! No code: the features of shared dependencies, so that each crate alone builds them as the whole workspace does (see `Cargo.toml`).
+//! Feature unification of shared dependencies; no code.
+//!
+//! Makes a build of one crate use the same dependency artifacts as a build of the whole workspace (see `Cargo.toml`).

@@ -1,9 +1,9 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// Pinhole camera at the world's origin, looking along −Z.
+/// A pinhole camera at the world's origin, looking along −Z.
 ///
-/// Lengths in pixels of an image of `width` × `height`; pixel centres lie at +0.5, `u` points right and `v` down.
+/// Lengths are in pixels of an image of `width` × `height`. Pixel centres are at +0.5; `u` points right and `v` down.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// Horizontal focal length in pixels.
@@ -20,7 +20,7 @@ pub struct Camera {
     pub height: u32,
 }
 
-/// Why a set of intrinsics is not a camera.
+/// Errors of invalid intrinsics.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
     /// A focal length is zero, negative, NaN or infinite.
@@ -31,10 +31,10 @@ pub enum CameraError {
         /// Vertical focal length as given.
         fy: f64,
     },
-    /// The principal point lies outside of the image.
+    /// The principal point is outside the image.
     #[error(
-        "the principal point ({cx}, {cy}) lies outside of the {width} × {height} image; \
-         intrinsics must be those of the photo's own resolution"
+        "the principal point ({cx}, {cy}) is outside the {width} × {height} image; \
+         give the intrinsics at the photo's full resolution"
     )]
     PrincipalPoint {
         /// Horizontal coordinate as given.
@@ -54,13 +54,16 @@ pub enum CameraError {
         /// Image height in pixels.
         height: u32,
     },
-    /// The field of view is not an angle that a pinhole can have.
-    #[error("the horizontal field of view must lie between 1 and 170 degrees, got {0}")]
+    /// The horizontal field of view, in degrees, is outside the supported range.
+    #[error("the horizontal field of view must be between 1 and 170 degrees, got {0}")]
     FieldOfView(f64),
 }
 
 impl Camera {
-    /// Checks and makes a camera.
+    /// Creates a camera from intrinsics in pixels.
+    ///
+    /// # Errors
+    /// [`CameraError`] for an empty image, a focal length that is not positive, or a principal point outside the image.
     pub fn new(fx: f64, fy: f64, cx: f64, cy: f64, width: u32, height: u32) -> Result<Self, CameraError> {
         if width == 0 || height == 0 {
             return Err(CameraError::Empty { width, height });
@@ -75,7 +78,10 @@ impl Camera {
         Ok(Self { fx, fy, cx, cy, width, height })
     }
 
-    /// Square pixels, principal point in the middle, given horizontal field of view in degrees.
+    /// Creates a camera with square pixels and a centred principal point from its horizontal field of view in degrees.
+    ///
+    /// # Errors
+    /// [`CameraError`] for an empty image or an angle outside 1° to 170°.
     pub fn from_hfov_deg(hfov_deg: f64, width: u32, height: u32) -> Result<Self, CameraError> {
         if !(1.0..=170.0).contains(&hfov_deg) {
             return Err(CameraError::FieldOfView(hfov_deg));
@@ -84,8 +90,7 @@ impl Camera {
         Self::new(focal, focal, 0.5 * f64::from(width), 0.5 * f64::from(height), width, height)
     }
 
-    /// Half the length of the picture's longer side over the focal length: metres from the middle of what is seen at a depth of one metre
-    /// to its end.
+    /// Half of the image's longer side divided by the focal length: the tangent of half the field of view along it.
     #[inline]
     pub fn half_extent(&self) -> f64 {
         0.5 * f64::from(self.width.max(self.height)) / self.fx
@@ -99,14 +104,14 @@ impl Camera {
         (left + right).to_degrees()
     }
 
-    /// The same camera for the same field of view at another resolution.
+    /// Rescales the intrinsics to another resolution with the same field of view.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let sx = f64::from(width) / f64::from(self.width);
         let sy = f64::from(height) / f64::from(self.height);
         Self { fx: self.fx * sx, fy: self.fy * sy, cx: self.cx * sx, cy: self.cy * sy, width, height }
     }
 
-    /// World point of image position `(u, v)` at depth `depth_m` (distance along the optical axis).
+    /// Returns the world point of image position `(u, v)` at depth `depth_m` (distance along the optical axis).
     #[inline]
     pub fn unproject(&self, u: f64, v: f64, depth_m: f64) -> Vec3 {
         Vec3::new(
@@ -116,7 +121,7 @@ impl Camera {
         )
     }
 
-    /// Image position and depth `(u, v, depth_m)` of a world point; `None` at or behind the camera.
+    /// Returns the image position and depth `(u, v, depth_m)` of a world point; `None` at or behind the camera.
     #[inline]
     pub fn project(&self, point: Vec3) -> Option<(f64, f64, f64)> {
         let depth_m = -f64::from(point.z);
@@ -128,7 +133,7 @@ impl Camera {
         Some((u, v, depth_m))
     }
 
-    /// Whether image position `(u, v)` lies in the picture.
+    /// Whether image position `(u, v)` is inside the image.
     #[inline]
     pub fn contains(&self, u: f64, v: f64) -> bool {
         (0.0..f64::from(self.width)).contains(&u) && (0.0..f64::from(self.height)).contains(&v)

@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Ray;
 
-/// The axis-aligned cube that an octree divides: lowest corner and edge length, in metres.
+/// The axis-aligned cube that an octree divides: lowest corner and edge length in metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cube {
     /// Corner with the lowest coordinates, in metres.
@@ -13,33 +13,36 @@ pub struct Cube {
 }
 
 impl Cube {
-    /// The cube around `centre` with edge `edge_m`.
+    /// Creates the cube centred at `centre` with edge `edge_m`.
     #[inline]
     pub fn centred(centre: Vec3, edge_m: f32) -> Self {
         Self { origin_m: centre - Vec3::splat(0.5 * edge_m), edge_m }
     }
 
-    /// Middle of the cube, in metres.
+    /// Centre of the cube, in metres.
     #[inline]
     pub fn centre_m(&self) -> Vec3 {
         self.origin_m + Vec3::splat(0.5 * self.edge_m)
     }
 
-    /// Edge of a node at `depth`, in metres.
+    /// Edge length of a node at `depth`, in metres.
     #[inline]
     pub fn node_edge_m(&self, depth: u32) -> f32 {
         self.edge_m / (1u64 << depth) as f32
     }
 
-    /// Whether a point lies in the half-open cube `[origin, origin + edge)`.
+    /// Whether a point is inside the half-open cube `[origin, origin + edge)`.
     #[inline]
     pub fn contains(&self, point: Vec3) -> bool {
         let p = point - self.origin_m;
         p.min_element() >= 0.0 && p.max_element() < self.edge_m
     }
 
-    /// The point, or where its line of sight from the world's origin leaves the cube, which holds that: what is seen through a window or
-    /// a door far away is painted on the cube's side, where the camera sees it in the same direction.
+    /// Pulls a point outside the cube towards the world's origin, onto the side where its line of sight leaves the
+    /// cube.
+    ///
+    /// Distant surfaces, seen through a window or a door, thus stay in the same direction for the camera. Points inside
+    /// are returned unchanged. The cube must contain the world's origin.
     #[inline]
     pub fn pulled_inside(&self, point: Vec3) -> Vec3 {
         let (low, high) = (self.origin_m * 0.999, (self.origin_m + Vec3::splat(self.edge_m)) * 0.999);
@@ -54,7 +57,7 @@ impl Cube {
         point * scale
     }
 
-    /// Coordinates in `[0, 1)³` for points inside of the cube.
+    /// Returns coordinates that are in `[0, 1)³` for points inside the cube.
     #[inline]
     pub fn unit_from_world(&self, point: Vec3) -> Vec3 {
         (point - self.origin_m) / self.edge_m
@@ -66,7 +69,8 @@ impl Cube {
         self.origin_m + unit * self.edge_m
     }
 
-    /// Distances at which a ray enters and leaves the cube; `None` where it misses. The entry is 0 for an origin inside.
+    /// Returns the distances at which a ray enters and leaves the cube; `None` if it misses. The entry is 0 for an
+    /// origin inside.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<(f32, f32)> {
         let inverse = ray.direction.recip();
@@ -90,7 +94,7 @@ mod tests {
         assert_eq!(cube.intersect(&Ray { origin: Vec3::ONE, direction: Vec3::NEG_Y }), Some((0.0, 1.0)));
         assert_eq!(cube.intersect(&Ray { origin: Vec3::splat(3.0), direction: Vec3::X }), None);
         assert_eq!(cube.unit_from_world(cube.centre_m()), Vec3::splat(0.5));
-        // seen from the origin, which must lie inside
+        // seen from the origin, which must be inside
         let around = Cube::centred(Vec3::ZERO, 2.0);
         assert_eq!(around.pulled_inside(Vec3::new(0.5, -0.2, -0.3)), Vec3::new(0.5, -0.2, -0.3));
         let far = around.pulled_inside(Vec3::new(2.0, -8.0, 4.0));

@@ -1,10 +1,10 @@
-//! The equirectangular map: row 0 is +Y, the centre column −Z, +X lies at u = 3/4.
+//! The equirectangular projection: row 0 is +Y, the centre column is −Z, and +X is at u = 3/4.
 
 use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-/// Unit direction of map coordinates `uv` in `[0, 1]²` (u to the right, v downwards).
+/// Returns the unit direction of map coordinates `uv` in `[0, 1]²` (u to the right, v downwards).
 #[inline]
 pub fn direction_from_uv(uv: Vec2) -> Vec3 {
     let (sin_longitude, cos_longitude) = ((uv.x - 0.5) * TAU).sin_cos();
@@ -12,7 +12,7 @@ pub fn direction_from_uv(uv: Vec2) -> Vec3 {
     Vec3::new(cos_latitude * sin_longitude, sin_latitude, -cos_latitude * cos_longitude)
 }
 
-/// Map coordinates in `[0, 1]²` of a direction (of any length).
+/// Returns the map coordinates in `[0, 1]²` of a direction (of any length).
 #[inline]
 pub fn uv_from_direction(direction: Vec3) -> Vec2 {
     let longitude = direction.x.atan2(-direction.z);
@@ -20,13 +20,13 @@ pub fn uv_from_direction(direction: Vec3) -> Vec2 {
     Vec2::new(longitude / TAU + 0.5, 0.5 - latitude / PI)
 }
 
-/// Unit direction of the centre of pixel `(x, y)` in a map of `width` × `height`.
+/// Returns the unit direction of the centre of pixel `(x, y)` in a map of `width` × `height`.
 #[inline]
 pub fn pixel_direction(x: usize, y: usize, width: usize, height: usize) -> Vec3 {
     direction_from_uv(Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32))
 }
 
-/// Solid angle of a pixel of row `y` in a map of `width` × `height`, in steradians (exact; all pixels sum to 4π).
+/// Returns the exact solid angle of a pixel of row `y` in a map of `width` × `height`, in steradians; all sum to 4π.
 #[inline]
 pub fn pixel_solid_angle_sr(y: usize, width: usize, height: usize) -> f32 {
     let edge = |row: usize| ((0.5 - row as f64 / height as f64) * std::f64::consts::PI).sin();

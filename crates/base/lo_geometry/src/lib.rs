@@ -1,7 +1,7 @@
-//! Frames, cameras, the octree's cube, directions on the sphere and fixed sample patterns.
+//! Coordinate frames, cameras, the octree's cube, directions on the sphere and fixed sample patterns.
 //!
-//! World frame: right-handed, +X right, +Y up, the camera at the origin looks along −Z; metres.
-//! Everything here is plain mathematics without I/O; the rest of the workspace builds on it.
+//! The world frame is right-handed, in metres: +X right, +Y up, the camera at the origin looking along −Z.
+//! This crate is plain mathematics without I/O.
 
 mod camera;
 mod cube;
@@ -20,7 +20,7 @@ pub use equirectangular::{direction_from_uv, pixel_direction, pixel_solid_angle_
 pub use glam::{DMat3, DQuat, DVec3, Mat2, Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
 pub use orientation::Orientation;
 pub use pattern::{cosine_hemisphere, fibonacci_sphere, orthonormal_basis, van_der_corput};
-pub use perspective_field::{FieldCell, LensGuess, Perspective, PerspectiveField, PerspectiveFit};
+pub use perspective_field::{FieldCell, LensEstimate, Perspective, PerspectiveField, PerspectiveFit};
 pub use plane::Plane;
 pub use ray::Ray;
 pub use rigid::RigidTransform;

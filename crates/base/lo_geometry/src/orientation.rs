@@ -1,20 +1,20 @@
 use glam::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// How other programs hold an equirectangular map.
+/// Equirectangular orientation conventions of other programs.
 ///
-/// A map in our frame has the centre column at −Z, +X to its right and row 0 at +Y. The presets turn the *content* of the
-/// map, so that the other program, which reads it by its own convention, sees every light in the right world direction
-/// when it shares our world frame (for Blender after the usual Y-up → Z-up import).
+/// A map in our frame has the centre column at −Z, +X to its right and row 0 at +Y. A preset rotates the *content* of
+/// the map so that a program reading it by its own convention sees every light in the right world direction. The
+/// program must share our world frame (Blender: after the usual Y-up → Z-up import).
 ///
-/// All of them look at the sphere from inside, with +Y on top: they differ by quarter turns about +Y alone.
+/// All conventions view the sphere from inside with +Y on top. They differ only by quarter turns about +Y.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Orientation {
-    /// Ours, skylibs: centre −Z, +X right, +Y up.
+    /// Lightoctree and skylibs: centre −Z, +X right, +Y up.
     #[default]
     Lightoctree,
-    /// OpenEXR latitude-longitude, Mitsuba, USD dome light: centre +Z, +Y up.
+    /// OpenEXR latitude-longitude, Mitsuba and USD dome lights: centre +Z, +Y up.
     Openexr,
     /// three.js `EquirectangularReflectionMapping`: centre +X, +Y up.
     Threejs,
@@ -26,10 +26,10 @@ impl Orientation {
     /// All presets, for listings.
     pub const ALL: [Self; 4] = [Self::Lightoctree, Self::Openexr, Self::Threejs, Self::Blender];
 
-    /// Quarter turns about +Y that take a world direction to where the preset's map shows it, read by our convention:
-    /// the content of our map moves left by as many quarters of its width.
+    /// Quarter turns about +Y from a world direction to its direction in the preset's map, read by our convention.
     ///
-    /// Blender's importer takes our (x, y, z) to (x, −z, y); its centre +X is therefore ours, as in three.js.
+    /// The content of our map moves left by as many quarters of its width. Blender's importer maps our (x, y, z) to
+    /// (x, −z, y); its centre +X is therefore also our +X, as in three.js.
     pub fn quarter_turns(self) -> u32 {
         match self {
             Self::Lightoctree => 0,
@@ -38,8 +38,8 @@ impl Orientation {
         }
     }
 
-    /// The rotation that takes a world direction to the direction at which our convention
-    /// ([`uv_from_direction`](crate::uv_from_direction)) finds it in the preset's map.
+    /// Rotation from a world direction to its direction in the preset's map, read by our convention
+    /// ([`uv_from_direction`](crate::uv_from_direction)).
     pub fn map_from_world(self) -> Mat3 {
         match self.quarter_turns() {
             0 => Mat3::IDENTITY,
@@ -48,8 +48,8 @@ impl Orientation {
         }
     }
 
-    /// The rotation that takes a direction in our frame to the same in the program's own: Blender's importers take (x, y, z)
-    /// to (x, −z, y), the others share our axes.
+    /// Rotation from our world frame to the program's own. Blender's importers map (x, y, z) to (x, −z, y); the other
+    /// programs share our axes.
     pub fn program_from_world(self) -> Mat3 {
         match self {
             Self::Blender => Mat3::from_cols(Vec3::X, Vec3::Z, Vec3::NEG_Y),
@@ -57,7 +57,7 @@ impl Orientation {
         }
     }
 
-    /// Which way the program's own axes point, seen from the photo's camera.
+    /// Describes the program's own axes as seen from the photo's camera.
     pub fn axes(self) -> &'static str {
         match self {
             Self::Blender => "+X right, +Y ahead, +Z up",
@@ -73,14 +73,15 @@ mod tests {
     use glam::Vec2;
     use std::f32::consts::{PI, TAU};
 
-    /// Map coordinates of a world direction as the programs themselves compute them; v from the top.
+    /// Map coordinates of a world direction by the programs' own formulas; v from the top.
     fn published_uv(preset: Orientation, d: Vec3) -> Vec2 {
         let v = d.y.acos() / PI;
         match preset {
-            // soravux/skylibs, envmap/projections.py, world2latlong: u = (1 + arctan2(x, −z) / π) / 2, v = arccos(y) / π
+            // soravux/skylibs, envmap/projections.py, world2latlong: u = (1 + arctan2(x, −z) / π) / 2, v = arccos(y) /
+            // π
             Orientation::Lightoctree => Vec2::new((1.0 + d.x.atan2(-d.z) / PI) / 2.0, v),
             // OpenEXR, ImfEnvmap.cpp, LatLongMap: longitude = atan2(x, z), x position = longitude / (−2π) + 0.5. USD's
-            // DomeLight refers to it; Mitsuba 3's envmap.cpp has u = atan2(x, −z) / 2π wrapped to [0, 1), which is equal
+            // DomeLight refers to it; Mitsuba 3's envmap.cpp has the equal u = atan2(x, −z) / 2π wrapped to [0, 1)
             Orientation::Openexr => Vec2::new(0.5 - d.x.atan2(d.z) / TAU, v),
             // three.js, src/renderers/shaders/ShaderChunk/common.glsl.js, equirectUv: u = atan(z, x) / 2π + 0.5
             Orientation::Threejs => Vec2::new(0.5 + d.z.atan2(d.x) / TAU, v),
@@ -95,7 +96,7 @@ mod tests {
 
     #[test]
     fn lights_from_the_axes_land_where_each_program_reads_them() {
-        // u of world −Z, +X, +Z, −X by the formulas above, worked out by hand (1 and 0 are the same column)
+        // u of world −Z, +X, +Z, −X by the formulas above, computed by hand (1 and 0 are the same column)
         let columns = [
             (Orientation::Lightoctree, [0.5, 0.75, 0.0, 0.25]),
             (Orientation::Openexr, [0.0, 0.25, 0.5, 0.75]),
@@ -130,7 +131,7 @@ mod tests {
             assert_eq!(program * Vec3::X, Vec3::X);
             assert_eq!(program.determinant(), 1.0);
         }
-        // Blender's own formula in Blender's own axes gives the column that the preset has.
+        // Blender's own formula in Blender's own axes gives the preset's column.
         let direction = Vec3::new(0.3, 0.2, -0.9).normalize();
         let b = Orientation::Blender.program_from_world() * direction;
         let u = (b.y.atan2(b.x) - PI) / -TAU;
@@ -144,7 +145,7 @@ mod tests {
                 let direction = pixel_direction(x, y, 32, 16);
                 let (ours, published) =
                     (uv_from_direction(preset.map_from_world() * direction), published_uv(preset, direction));
-                // acos loses digits near the poles
+                // acos loses precision near the poles
                 assert!((ours - published).length() < 1e-3, "{preset:?} {direction}: {ours} {published}");
             }
             assert!((preset.map_from_world().determinant() - 1.0).abs() < 1e-6);

@@ -1,13 +1,13 @@
-//! Fixed sample patterns: the same points every time, so that pictures of a sequence do not flicker.
+//! Fixed sample patterns: the same points every time, so that rendered sequences do not flicker.
 
 use std::f32::consts::TAU;
 
 use glam::{Mat3, Vec3};
 
-/// 2π / φ²: the golden angle.
+/// The golden angle, 2π / φ².
 const GOLDEN_ANGLE_RAD: f32 = 2.399_963_2;
 
-/// `count` directions spread evenly over the sphere (spherical Fibonacci lattice, Keinert et al. 2015).
+/// Returns `count` directions spread evenly over the sphere (spherical Fibonacci lattice, Keinert et al. 2015).
 pub fn fibonacci_sphere(count: usize) -> Vec<Vec3> {
     (0..count)
         .map(|i| {
@@ -19,7 +19,8 @@ pub fn fibonacci_sphere(count: usize) -> Vec<Vec3> {
         .collect()
 }
 
-/// `count` directions about +Z with density cos θ / π: each carries the same share of a diffuse surface's irradiance.
+/// Returns `count` directions about +Z with density cos θ / π. Each carries an equal share of a diffuse surface's
+/// irradiance.
 pub fn cosine_hemisphere(count: usize) -> Vec<Vec3> {
     (0..count)
         .map(|i| {
@@ -32,14 +33,14 @@ pub fn cosine_hemisphere(count: usize) -> Vec<Vec3> {
         .collect()
 }
 
-/// The van der Corput sequence: the bits of `i` mirrored at the point; in [0, 1).
+/// The base-2 van der Corput sequence: the bits of `i` mirrored at the binary point, in [0, 1).
 #[inline]
 pub fn van_der_corput(i: u32) -> f32 {
-    // 24 bits are what f32 holds below 1.
+    // f32 holds 24 bits below 1.
     (i.reverse_bits() >> 8) as f32 / (1 << 24) as f32
 }
 
-/// A right-handed basis whose third column is the unit vector `normal` (Duff et al. 2017).
+/// Returns a right-handed basis whose third column is the unit vector `normal` (Duff et al. 2017).
 #[inline]
 pub fn orthonormal_basis(normal: Vec3) -> Mat3 {
     let sign = 1.0f32.copysign(normal.z);

@@ -1,53 +1,54 @@
-//! What a picture's places say of gravity and lens: the perspective field of Jin et al. (CVPR 2023), and the camera that explains one best, as
-//! GeoCalib (Veicht et al., ECCV 2024) fits it.
+//! Perspective fields (Jin et al., CVPR 2023): per-pixel evidence of gravity and lens, and the camera fitted to one as
+//! in GeoCalib (Veicht et al., ECCV 2024).
 
 use crate::{DMat3, DVec3, Vec3};
 
-/// What is known at one place of a picture. Places are in half lengths of the picture's longer side, from its middle: `[right, up]`.
+/// One cell of a perspective field. Image positions are `[right, up]` from the image's centre, in units of half its
+/// longer side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldCell {
-    /// Where.
+    /// Image position.
     pub at: [f64; 2],
-    /// Unit direction in the picture, `[right, up]`, in which what is there moves when it is lifted.
+    /// Unit direction in the image, `[right, up]`: the projection of the world's up vector there.
     pub up: [f64; 2],
-    /// Sine of the angle of the line of sight above the horizon.
+    /// Sine of the elevation of the viewing ray above the horizon.
     pub latitude_sin: f64,
-    /// How much the direction and the latitude count: the inverse of the difference that is expected of them.
+    /// Weights of the up direction and of the latitude: the inverse of their expected errors.
     pub certainty: [f64; 2],
 }
 
 impl FieldCell {
-    /// Of the picture with left and right exchanged.
+    /// Returns the cell of the horizontally mirrored image.
     pub fn mirrored(&self) -> Self {
-        let other = |[right, up]: [f64; 2]| [-right, up];
-        Self { at: other(self.at), up: other(self.up), ..*self }
+        let mirror = |[right, up]: [f64; 2]| [-right, up];
+        Self { at: mirror(self.at), up: mirror(self.up), ..*self }
     }
 }
 
-/// Estimate of the lens from the photo as a whole.
+/// Estimate of the lens from the whole photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LensGuess {
+pub struct LensEstimate {
     /// Logarithm of [`Camera::half_extent`](crate::Camera::half_extent).
     pub log_half_extent: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the logarithm.
     pub deviation: f64,
 }
 
-/// Evidence of a photo's camera.
+/// Evidence of a photo's camera: its perspective field and, optionally, an estimate of its lens.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PerspectiveField {
-    /// Perspective field, cell by cell.
+    /// Cells of the perspective field.
     pub cells: Vec<FieldCell>,
     /// Estimate from the whole photo, if the network makes one.
-    pub lens: Option<LensGuess>,
+    pub lens: Option<LensEstimate>,
 }
 
 impl PerspectiveField {
-    /// This field and that of the mirrored photo as one: the same witness twice.
+    /// Merges this field with that of the mirrored photo. The two count as one observation, not as independent ones.
     #[must_use]
     pub fn with_mirrored(mut self, mirrored: &Self) -> Self {
         self.cells.extend(mirrored.cells.iter().map(FieldCell::mirrored));
-        self.lens = self.lens.zip(mirrored.lens).map(|(a, b)| LensGuess {
+        self.lens = self.lens.zip(mirrored.lens).map(|(a, b)| LensEstimate {
             log_half_extent: 0.5 * (a.log_half_extent + b.log_half_extent),
             deviation: 0.5 * (a.deviation + b.deviation),
         });
@@ -55,97 +56,99 @@ impl PerspectiveField {
     }
 }
 
-/// How a camera is held, and its lens.
+/// Orientation against gravity, and lens, of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Perspective {
-    /// Unit direction in the camera's frame that is up.
+    /// Unit up vector in the camera's frame.
     pub up: Vec3,
     /// [`Camera::half_extent`](crate::Camera::half_extent): tangent of half the field of view along the longer side.
     pub half_extent: f64,
 }
 
-/// The camera that explains a field best.
+/// Result of [`Perspective::fit`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PerspectiveFit {
-    /// It.
+    /// The fitted camera.
     pub camera: Perspective,
-    /// How far off the direction of up is expected to be, degrees.
+    /// Expected error of the up vector, in degrees.
     pub up_deviation_deg: f64,
-    /// How far off the field of view along the longer side is expected to be, degrees; 0 where the lens is known.
+    /// Expected error of the field of view along the longer side, in degrees; 0 if the lens is known.
     pub fov_deviation_deg: f64,
 }
 
-/// Fields of view along the longer side at which the search begins, degrees.
-const FIRST_FOV_DEG: [f64; 4] = [45.0, 60.0, 75.0, 95.0];
-/// Fields of view that are believed, degrees.
+/// Initial fields of view along the longer side, in degrees. The best of the fits is kept.
+const INITIAL_FOV_DEG: [f64; 4] = [45.0, 60.0, 75.0, 95.0];
+/// Range of plausible fields of view, in degrees.
 const FOV_RANGE_DEG: [f64; 2] = [15.0, 140.0];
-/// Multiples of the expected difference from which a cell counts linearly (Huber 1964).
+/// Multiples of the expected error beyond which the cost grows linearly (Huber 1964).
 const HUBER: f64 = 2.0;
-const STEPS: usize = 30;
-/// As many cells of a field as are wrong independently of each other: the others are wrong as their neighbours are.
+const MAX_STEPS: usize = 30;
+/// Number of cells with independent errors; the errors of the others are correlated with their neighbours'.
 const INDEPENDENT_CELLS: f64 = 4.0;
-/// Fields of photos from places that no network has seen are also wrong as a whole: within so many times what independent parts would make of it are two thirds of
-/// the directions of up and fields of view of 90 photos of the panoramas of `hdr_extra`, 45 to 110° wide.
-const AS_A_WHOLE: f64 = 4.3;
+/// Ratio of actual errors to those expected of independent cells, since a field also errs as a whole.
+///
+/// Two thirds of the up vectors and fields of view are within this factor, on 90 photos (45° to 110° wide) of the
+/// panoramas of `hdr_extra`, which no network was trained on.
+const SYSTEMATIC_FACTOR: f64 = 4.3;
 
 impl Perspective {
-    /// From the camera's turn to the right about its axis, its pitch upwards, and its lens.
+    /// Creates a perspective from the camera's roll (clockwise) and upward pitch, in radians, and its lens.
     fn new(roll: f64, pitch: f64, half_extent: f64) -> Self {
         let up = DVec3::new(pitch.cos() * roll.sin(), pitch.cos() * roll.cos(), -pitch.sin());
         Self { up: up.as_vec3(), half_extent }
     }
 
-    /// What it makes of a place: the direction of up there and the sine of the latitude.
+    /// Returns the up direction and the sine of the latitude at an image position.
     pub fn at(&self, [x, y]: [f64; 2]) -> ([f64; 2], f64) {
         field(self.up.as_dvec3(), self.half_extent, [x, y])
     }
 
-    /// The camera that explains a field best, with the lens that is known, if one is; `None` without cells.
+    /// Fits a camera to a field, optionally with a known lens; `None` without cells.
     pub fn fit(field: &PerspectiveField, half_extent: Option<f64>) -> Option<PerspectiveFit> {
         let cells = &field.cells;
         let lens = match (half_extent, field.lens) {
             (Some(_), _) => Lens::Known,
             (None, None) => Lens::Unknown,
-            (None, Some(guess)) => Lens::Guessed(guess, witness(cells)),
+            (None, Some(guess)) => Lens::Estimated(guess, cell_correlation(cells)),
         };
         let middle = cells.iter().min_by(|a, b| length(a.at).total_cmp(&length(b.at)))?;
-        // In the middle the field is the camera's own roll and pitch.
+        // At the centre the field equals the camera's own roll and pitch.
         let (roll, pitch) = (middle.up[0].atan2(middle.up[1]), middle.latitude_sin.clamp(-1.0, 1.0).asin());
         let starts = match half_extent {
             Some(known) => vec![known],
-            None => FIRST_FOV_DEG.map(|deg| (0.5 * deg).to_radians().tan()).to_vec(),
+            None => INITIAL_FOV_DEG.map(|deg| (0.5 * deg).to_radians().tan()).to_vec(),
         };
-        let fits = starts.into_iter().map(|start| descend(cells, [roll, pitch, start.ln()], lens));
+        let fits = starts.into_iter().map(|start| levenberg_marquardt(cells, [roll, pitch, start.ln()], lens));
         let (_, at) = fits.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let [roll, pitch, log_extent] = at;
         let camera = Self::new(roll, pitch, half_extent.unwrap_or(log_extent.exp()));
-        let (_, normal) = slope(cells, at, lens);
-        let variance = normal.inverse() * witness(cells);
+        let (_, normal) = normal_equations(cells, at, lens);
+        let variance = normal.inverse() * cell_correlation(cells);
         let variance = [variance.x_axis.x * pitch.cos().powi(2), variance.y_axis.y, variance.z_axis.z];
         let [roll, pitch, log_extent] = variance.map(|value| if value.is_finite() { value.max(0.0) } else { f64::MAX });
-        // The angle is twice the arc tangent of the extent.
+        // Derivative of the angle, twice the arctangent of the extent, by the logarithm of the extent.
         let fov = 2.0 * camera.half_extent / (1.0 + camera.half_extent.powi(2)) * log_extent.sqrt();
-        let within = |angle: f64| angle.to_degrees().min(180.0);
+        let degrees = |angle: f64| angle.to_degrees().min(180.0);
         Some(PerspectiveFit {
             camera,
-            up_deviation_deg: within((roll + pitch).sqrt()),
-            fov_deviation_deg: if half_extent.is_some() { 0.0 } else { within(fov) },
+            up_deviation_deg: degrees((roll + pitch).sqrt()),
+            fov_deviation_deg: if half_extent.is_some() { 0.0 } else { degrees(fov) },
         })
     }
 }
 
-/// Knowledge of the lens in addition to the cells.
+/// Information about the lens in addition to the cells.
 #[derive(Clone, Copy)]
 enum Lens {
     Known,
     Unknown,
-    /// With the number of equally certain cells that it counts as.
-    Guessed(LensGuess, f64),
+    /// An estimate with its weight: the number of equally certain cells that it counts as.
+    Estimated(LensEstimate, f64),
 }
 
-/// How many cells count as much as one that errs independently of all else.
-fn witness(cells: &[FieldCell]) -> f64 {
-    (cells.len() as f64 / INDEPENDENT_CELLS).max(1.0) * AS_A_WHOLE.powi(2)
+/// Number of cells that together carry the weight of one with an independent error.
+fn cell_correlation(cells: &[FieldCell]) -> f64 {
+    (cells.len() as f64 / INDEPENDENT_CELLS).max(1.0) * SYSTEMATIC_FACTOR.powi(2)
 }
 
 fn length([x, y]: [f64; 2]) -> f64 {
@@ -154,14 +157,14 @@ fn length([x, y]: [f64; 2]) -> f64 {
 
 fn field(up: DVec3, half_extent: f64, at: [f64; 2]) -> ([f64; 2], f64) {
     let [x, y] = at.map(|side| side * half_extent);
-    // The derivative of a point's projection when the point moves up.
+    // Derivative of a point's projection as the point moves up.
     let lifted = [up.x + x * up.z, up.y + y * up.z];
     let norm = length(lifted).max(1e-9);
     (lifted.map(|side| side / norm), DVec3::new(x, y, -1.0).normalize().dot(up))
 }
 
-/// Differences of a cell from what a camera says there, in multiples of those that are expected.
-fn differences(cell: &FieldCell, [roll, pitch, log_extent]: [f64; 3]) -> [f64; 3] {
+/// Residuals of a cell against a camera, in multiples of the expected errors.
+fn residuals(cell: &FieldCell, [roll, pitch, log_extent]: [f64; 3]) -> [f64; 3] {
     let up = DVec3::new(pitch.cos() * roll.sin(), pitch.cos() * roll.cos(), -pitch.sin());
     let (direction, latitude_sin) = field(up, log_extent.exp(), cell.at);
     let [of_up, of_latitude] = cell.certainty;
@@ -172,42 +175,42 @@ fn differences(cell: &FieldCell, [roll, pitch, log_extent]: [f64; 3]) -> [f64; 3
     ]
 }
 
-/// Huber's cost and the weight of the squares that has the same gradient.
-fn robust(difference: f64) -> (f64, f64) {
+/// Huber's cost, and the weight of a square with the same gradient.
+fn huber(difference: f64) -> (f64, f64) {
     let size = difference.abs();
     if size <= HUBER { (0.5 * size * size, 1.0) } else { (HUBER * (size - 0.5 * HUBER), HUBER / size) }
 }
 
 fn cost(cells: &[FieldCell], parameters: [f64; 3], lens: Lens) -> f64 {
     let of_lens = match lens {
-        Lens::Guessed(guess, weight) => {
+        Lens::Estimated(guess, weight) => {
             0.5 * weight * ((parameters[2] - guess.log_half_extent) / guess.deviation).powi(2)
         }
         Lens::Known | Lens::Unknown => 0.0,
     };
-    let differences = cells.iter().flat_map(|cell| differences(cell, parameters));
-    of_lens + differences.map(|difference| robust(difference).0).sum::<f64>()
+    let residuals = cells.iter().flat_map(|cell| residuals(cell, parameters));
+    of_lens + residuals.map(|residual| huber(residual).0).sum::<f64>()
 }
 
 /// Gradient of the cost and the matrix of the normal equations.
-fn slope(cells: &[FieldCell], at: [f64; 3], lens: Lens) -> (DVec3, DMat3) {
-    /// Of central differences.
+fn normal_equations(cells: &[FieldCell], at: [f64; 3], lens: Lens) -> (DVec3, DMat3) {
+    /// Step of the central differences.
     const STEP: f64 = 1e-5;
     let mut normal = DMat3::ZERO;
     let mut gradient = DVec3::ZERO;
     for cell in cells {
-        let now = differences(cell, at);
+        let now = residuals(cell, at);
         let slopes: [[f64; 3]; 3] = std::array::from_fn(|parameter| {
             let moved = |by: f64| {
                 let mut moved = at;
                 moved[parameter] += by;
-                differences(cell, moved)
+                residuals(cell, moved)
             };
             let (before, after) = (moved(-STEP), moved(STEP));
             std::array::from_fn(|i| (after[i] - before[i]) / (2.0 * STEP))
         });
         for i in 0..3 {
-            let weight = robust(now[i]).1;
+            let weight = huber(now[i]).1;
             let slope = DVec3::new(slopes[0][i], slopes[1][i], slopes[2][i]);
             gradient += slope * (weight * now[i]);
             normal += DMat3::from_cols(slope * slope.x, slope * slope.y, slope * slope.z) * weight;
@@ -222,7 +225,7 @@ fn slope(cells: &[FieldCell], at: [f64; 3], lens: Lens) -> (DVec3, DMat3) {
                 DVec3::Z,
             );
         }
-        Lens::Guessed(guess, weight) => {
+        Lens::Estimated(guess, weight) => {
             let certainty = weight / guess.deviation.powi(2);
             gradient.z += certainty * (at[2] - guess.log_half_extent);
             normal.z_axis.z += certainty;
@@ -232,13 +235,13 @@ fn slope(cells: &[FieldCell], at: [f64; 3], lens: Lens) -> (DVec3, DMat3) {
     (gradient, normal)
 }
 
-/// Levenberg and Marquardt's descent; gives the cost and the parameters.
-fn descend(cells: &[FieldCell], first: [f64; 3], lens: Lens) -> (f64, [f64; 3]) {
+/// Minimises the cost by the Levenberg–Marquardt method. Returns the cost and the parameters.
+fn levenberg_marquardt(cells: &[FieldCell], first: [f64; 3], lens: Lens) -> (f64, [f64; 3]) {
     let [least, most] = FOV_RANGE_DEG.map(|deg| (0.5 * deg).to_radians().tan().ln());
     let mut at = first;
     let (mut value, mut damping) = (cost(cells, at, lens), 1e-3);
-    for _ in 0..STEPS {
-        let (gradient, normal) = slope(cells, at, lens);
+    for _ in 0..MAX_STEPS {
+        let (gradient, normal) = normal_equations(cells, at, lens);
         let diagonal = DVec3::new(normal.x_axis.x, normal.y_axis.y, normal.z_axis.z);
         let damped = normal + DMat3::from_diagonal(diagonal * damping + DVec3::splat(1e-9));
         let step = -(damped.inverse() * gradient);
@@ -271,7 +274,7 @@ mod tests {
     use super::*;
     use crate::Camera;
 
-    /// 30 × 20 cells of a camera's field.
+    /// Field of a camera in 30 × 20 cells.
     fn cells(of: Perspective) -> Vec<FieldCell> {
         let places = (0..600).map(|i| [f64::from(i % 30) - 14.5, 9.5 - f64::from(i / 30)].map(|side| side / 15.0));
         let cell = |at| {
@@ -290,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn fields_are_what_lifted_points_do() {
+    fn fields_match_the_projection_of_lifted_points() {
         let camera = Camera::from_hfov_deg(70.0, 300, 200).unwrap();
         let of = Perspective::new(0.2, -0.35, camera.half_extent());
         for (u, v) in [(150.0, 100.0), (20.5, 180.5), (290.0, 11.0)] {
@@ -317,7 +320,7 @@ mod tests {
         let [once, twice] = [&cells(of), &both].map(|cells| fit(cells, None).unwrap());
         assert!(
             (twice.up_deviation_deg / once.up_deviation_deg - 1.0).abs() < 0.01,
-            "saying it twice is no second witness"
+            "the mirrored field is no independent observation"
         );
     }
 
@@ -327,7 +330,7 @@ mod tests {
             let of = Perspective::new(roll, pitch, (0.5 * fov_deg).to_radians().tan());
             let found = fit(&cells(of), None).unwrap().camera;
             assert!(angle_deg(found.up, of.up) < 0.05, "{of:?} {found:?}");
-            // A level camera's field hardly changes with the lens, but it does.
+            // A level camera's field depends only weakly on the lens.
             assert!((found.half_extent / of.half_extent - 1.0).abs() < 0.01, "{of:?} {found:?}");
             let known = fit(&cells(of), Some(of.half_extent)).unwrap().camera;
             assert!(angle_deg(known.up, of.up) < 0.05 && known.half_extent == of.half_extent, "{of:?} {known:?}");
@@ -336,10 +339,10 @@ mod tests {
     }
 
     #[test]
-    fn a_guess_of_the_lens_counts_as_much_as_it_is_certain() {
+    fn a_lens_estimate_is_weighted_by_its_certainty() {
         let of = Perspective::new(0.0, 0.2, 0.7);
         let with = |log_half_extent: f64, deviation: f64| {
-            let field = PerspectiveField { cells: cells(of), lens: Some(LensGuess { log_half_extent, deviation }) };
+            let field = PerspectiveField { cells: cells(of), lens: Some(LensEstimate { log_half_extent, deviation }) };
             Perspective::fit(&field, None).unwrap()
         };
         let alone = fit(&cells(of), None).unwrap();
@@ -350,7 +353,7 @@ mod tests {
         let own = log_deviation(alone);
         let unsure = with(1.0f64.ln(), 1e3);
         assert!((unsure.camera.half_extent - 0.7).abs() < 1e-3, "{unsure:?}");
-        // As certain as the field is: about half way, and the deviation a √2 smaller.
+        // An estimate as certain as the field: about half way, and a deviation smaller by √2.
         let both = with(0.7f64.ln() + 0.1, own);
         let moved = both.camera.half_extent.ln() - 0.7f64.ln();
         assert!((0.03..0.07).contains(&moved), "{moved}");
@@ -358,10 +361,10 @@ mod tests {
         let sure = with(1.0f64.ln(), 1e-4);
         assert!((sure.camera.half_extent - 1.0).abs() < 0.01, "{sure:?}");
         let twice =
-            PerspectiveField { cells: cells(of), lens: Some(LensGuess { log_half_extent: 0.2, deviation: 0.1 }) }
+            PerspectiveField { cells: cells(of), lens: Some(LensEstimate { log_half_extent: 0.2, deviation: 0.1 }) }
                 .with_mirrored(&PerspectiveField {
                     cells: cells(of),
-                    lens: Some(LensGuess { log_half_extent: 0.4, deviation: 0.3 }),
+                    lens: Some(LensEstimate { log_half_extent: 0.4, deviation: 0.3 }),
                 });
         let lens = twice.lens.unwrap();
         assert!((lens.log_half_extent - 0.3).abs() < 1e-12 && (lens.deviation - 0.2).abs() < 1e-12);
@@ -372,7 +375,7 @@ mod tests {
     fn wrong_cells_cost_little_and_uncertain_ones_nothing() {
         let of = Perspective::new(0.05, 0.3, 0.6);
         let mut wrong = cells(of);
-        // A tenth lies, as where a picture on the wall is tilted; a third of them says so.
+        // A tenth of the cells are outliers, as on a tilted picture on the wall; a third of these have a low weight.
         for (i, cell) in wrong.iter_mut().enumerate().filter(|(i, _)| i % 10 == 3) {
             (cell.up, cell.latitude_sin) = ([1.0, 0.0], 0.9);
             if i % 3 == 0 {
@@ -384,7 +387,7 @@ mod tests {
         assert!((found.half_extent / of.half_extent - 1.0).abs() < 0.08, "{found:?}");
     }
 
-    /// Cells of which one in so many is independent, and that are as wrong as they say.
+    /// Cells with correlated errors of the stated size.
     #[test]
     fn deviations_are_as_large_as_errors() {
         let (of, mut stream) = (Perspective::new(0.05, 0.3, 0.7), 7u32);
@@ -395,11 +398,11 @@ mod tests {
             };
             (0..12).map(|_| uniform(&mut stream)).sum::<f64>() - 6.0
         };
-        let (mut up, mut fov, mut said) = (0.0, 0.0, [0.0; 2]);
+        let (mut up, mut fov, mut expected) = (0.0, 0.0, [0.0; 2]);
         for _ in 0..40 {
             let mut noisy = cells(of);
             noisy.truncate(600);
-            // Blocks of 150 cells, a quarter of the field, are wrong alike.
+            // The cells of a block of 150, a quarter of the field, share their error.
             let wrong: [[f64; 2]; 4] = std::array::from_fn(|_| [normal(), normal()].map(|n| n / 20.0));
             for (i, cell) in noisy.iter_mut().enumerate() {
                 let [turned, higher] = wrong[(i / 300) * 2 + usize::from(i % 30 >= 15)];
@@ -411,14 +414,14 @@ mod tests {
             up += f64::from(angle_deg(found.camera.up, of.up)).powi(2) / 40.0;
             let deg = |camera: Perspective| 2.0 * camera.half_extent.atan().to_degrees();
             fov += (deg(found.camera) - deg(of)).powi(2) / 40.0;
-            let apart = [found.up_deviation_deg, found.fov_deviation_deg].map(|deg| deg / AS_A_WHOLE);
-            said = [said[0] + apart[0].powi(2) / 40.0, said[1] + apart[1].powi(2) / 40.0];
+            let apart = [found.up_deviation_deg, found.fov_deviation_deg].map(|deg| deg / SYSTEMATIC_FACTOR);
+            expected = [expected[0] + apart[0].powi(2) / 40.0, expected[1] + apart[1].powi(2) / 40.0];
         }
-        for (what, error, said) in [("up", up, said[0]), ("field of view", fov, said[1])] {
-            let ratio = (error / said).sqrt();
-            assert!((0.6..1.7).contains(&ratio), "{what}: {:.2}° off, {:.2}° said", error.sqrt(), said.sqrt());
+        for (what, error, expected) in [("up", up, expected[0]), ("field of view", fov, expected[1])] {
+            let ratio = (error / expected).sqrt();
+            assert!((0.6..1.7).contains(&ratio), "{what}: {:.2}° off, {:.2}° expected", error.sqrt(), expected.sqrt());
         }
         let known = fit(&cells(of), Some(of.half_extent)).unwrap();
-        assert!(known.fov_deviation_deg == 0.0 && known.up_deviation_deg < 5.0 * AS_A_WHOLE, "{known:?}");
+        assert!(known.fov_deviation_deg == 0.0 && known.up_deviation_deg < 5.0 * SYSTEMATIC_FACTOR, "{known:?}");
     }
 }

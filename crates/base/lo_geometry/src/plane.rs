@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Ray;
 
-/// The plane of all points `p` with `normal · p = offset_m`; the normal is of unit length.
+/// The plane of all points `p` with `normal · p = offset_m`, for a normal of unit length.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plane {
     /// Unit normal; for a wall it points into the room.
@@ -13,25 +13,25 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// The plane through `point` with unit `normal`.
+    /// Creates the plane through `point` with unit `normal`.
     #[inline]
     pub fn through(point: Vec3, normal: Vec3) -> Self {
         Self { normal, offset_m: normal.dot(point) }
     }
 
-    /// Height of a point above the plane, in metres; negative behind it.
+    /// Signed distance of a point from the plane, in metres; negative behind it.
     #[inline]
     pub fn signed_distance_m(&self, point: Vec3) -> f32 {
         self.normal.dot(point) - self.offset_m
     }
 
-    /// The nearest point of the plane.
+    /// Returns the nearest point on the plane.
     #[inline]
     pub fn project(&self, point: Vec3) -> Vec3 {
         point - self.normal * self.signed_distance_m(point)
     }
 
-    /// Distance at which a ray meets the plane, in metres; `None` where it runs along or away from it.
+    /// Returns the distance at which a ray hits the plane, in metres; `None` if it runs parallel to it or away from it.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<f32> {
         let speed = self.normal.dot(ray.direction);

@@ -1,38 +1,38 @@
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// A motion that keeps lengths and handedness: a turn, then a shift. Named by what it takes to what: `world_from_camera`.
+/// A rigid transform: a rotation, then a translation. Values are named by target and source: `world_from_camera`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RigidTransform {
-    /// The turn, of unit length.
+    /// Rotation, a unit quaternion.
     pub rotation: Quat,
-    /// Where the origin goes, metres.
+    /// Translation, in metres: the image of the origin.
     pub translation_m: Vec3,
 }
 
 impl RigidTransform {
-    /// Everything stays where it is.
+    /// The identity transform.
     pub const IDENTITY: Self = Self { rotation: Quat::IDENTITY, translation_m: Vec3::ZERO };
 
-    /// Where a point goes.
+    /// Transforms a point.
     #[inline]
     pub fn point(&self, point: Vec3) -> Vec3 {
         self.rotation * point + self.translation_m
     }
 
-    /// Where a direction goes.
+    /// Transforms a direction: rotates it.
     #[inline]
     pub fn direction(&self, direction: Vec3) -> Vec3 {
         self.rotation * direction
     }
 
-    /// The way back.
+    /// Returns the inverse transform.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.inverse();
         Self { rotation, translation_m: -(rotation * self.translation_m) }
     }
 
-    /// This motion after another: `a_from_b.after(&b_from_c)` is `a_from_c`.
+    /// Composes two transforms: `a_from_b.after(&b_from_c)` is `a_from_c`.
     pub fn after(&self, first: &Self) -> Self {
         let rotation = (self.rotation * first.rotation).normalize();
         Self { rotation, translation_m: self.point(first.translation_m) }

@@ -1,4 +1,6 @@
-/// 0 up to `low`, 1 from `high` on, and between them the cubic that is level at both (GLSL's function of this name); falling where `high` is below `low`.
+/// GLSL's `smoothstep`: 0 up to `low`, 1 from `high`, and a cubic with zero slope at both ends between them.
+///
+/// Falls from 1 to 0 if `high` is below `low`.
 pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

@@ -1,4 +1,4 @@
-//! A bracket of photos of a mirror ball in a real panorama's room, and what comes back of it: the picture of `docs/gallery.md`.
+//! Renders a bracket of photos of a mirror ball in a real panorama and unwraps it: the image of `docs/gallery.md`.
 //!
 //! `cargo run -p lo_imaging --example mirror_ball -- panorama.hdr picture.jpg [folder for the photos]`
 
@@ -13,7 +13,7 @@ use lo_imaging::{
     GENERATOR, JPEG_QUALITY, Photo, ToneCurve, contact_sheet, photo_tile, read_radiance, resize_equirectangular,
     write_srgb8,
 };
-use render::{Shot, developed, of_map};
+use render::{BallScene, expose, map_radiance};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
@@ -26,11 +26,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let gain = 0.25 / levels.select_nth_unstable_by(middle, f32::total_cmp).1.max(1e-6);
     let map = map.map(|rgb| rgb.map(|v| v * gain));
 
-    // 43 degrees across, the ball a little off the axis
-    let shot = Shot { size: [960, 720], middle: [494.0, 372.0], radius_px: 290.0, focal_px: Some(1220.0) };
-    let light = shot.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 3);
+    // a field of view of 43 degrees, the ball slightly off the axis
+    let shot = BallScene { size: [960, 720], middle: [494.0, 372.0], radius_px: 290.0, focal_px: Some(1220.0) };
+    let light = shot.render(&map_radiance(&map), &|ray, _| map_radiance(&map)(ray), 3);
     let photos: Vec<Photo> =
-        [0.0, -3.0, -6.0].iter().enumerate().map(|(i, &stop)| developed(&light, stop, 8000.0, i as u32)).collect();
+        [0.0, -3.0, -6.0].iter().enumerate().map(|(i, &stop)| expose(&light, stop, 8000.0, i as u32)).collect();
 
     let merged = merge_exposures(&photos, &estimate_stops(&photos)?)?;
     let found = find_ball(&merged.radiance, BallLens::Focal { focal_px: 1220.0 })?.ok_or("no ball")?;

@@ -2,9 +2,12 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-/// Writes a file that appears whole or not at all: into a temporary file beside `path`, renamed when `write` succeeds.
+/// Writes a file atomically: into a temporary file beside `path`, which is renamed when `write` succeeds.
 ///
-/// An existing file is replaced. Errors of the file system name the path.
+/// An existing file is replaced.
+///
+/// # Errors
+/// Errors of `write`, and I/O errors, whose message names the path.
 pub fn write_atomically<T, E: From<io::Error>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T, E>,
@@ -14,7 +17,7 @@ pub fn write_atomically<T, E: From<io::Error>>(
     })
 }
 
-/// As [`write_atomically`], with `named` to make what the caller needs of the file system's errors.
+/// Like [`write_atomically`], with `named` to convert I/O errors.
 pub(crate) fn replace_when_written<T, E>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T, E>,
@@ -26,7 +29,7 @@ pub(crate) fn replace_when_written<T, E>(
     };
     let mut builder = tempfile::Builder::new();
     builder.prefix(".lightoctree-");
-    // what an ordinary file would get; the umask applies
+    // the permissions of an ordinary file; the umask applies
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut temporary = builder.tempfile_in(folder).map_err(&named)?;

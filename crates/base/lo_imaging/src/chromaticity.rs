@@ -3,10 +3,10 @@
 /// CIE xy of red, green, blue and white of Rec. 709 (ITU-R BT.709-6, table 1).
 pub(crate) const REC709: [[f64; 2]; 4] = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06], [0.3127, 0.329]];
 
-/// The matrix that takes linear RGB of other primaries (red, green, blue, white as CIE xy) to Rec. 709, row by row.
+/// Returns the matrix, row by row, from linear RGB of other primaries (red, green, blue, white as CIE xy) to Rec. 709.
 ///
-/// White goes to white without chromatic adaptation beyond that (a von Kries scaling in RGB). `None` where the primaries
-/// are those of Rec. 709 to three digits, or no triangle.
+/// White maps to white, by a von Kries scaling in RGB without further chromatic adaptation. `None` if the primaries are
+/// those of Rec. 709 to three digits, or do not form a triangle.
 pub(crate) fn rec709_from_primaries(primaries: [[f64; 2]; 4]) -> Option<[[f32; 3]; 3]> {
     let same = primaries.iter().flatten().zip(REC709.iter().flatten()).all(|(a, b)| (a - b).abs() < 2e-3);
     if same {
@@ -15,7 +15,7 @@ pub(crate) fn rec709_from_primaries(primaries: [[f64; 2]; 4]) -> Option<[[f32; 3
     let from = xyz_from_rgb(primaries)?;
     let to = inverse(xyz_from_rgb(REC709)?)?;
     let product = multiply(to, from);
-    // rows scaled to sum 1: neutral stays neutral whatever the two whites
+    // rows scaled to sum 1: neutral colours stay neutral for any two whites
     let matrix = product.map(|row| row.map(|v| (v / row.iter().sum::<f64>()) as f32));
     matrix.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e3).then_some(matrix)
 }

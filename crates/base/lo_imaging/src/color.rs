@@ -1,8 +1,8 @@
-//! The sRGB curve (IEC 61966-2-1) and luminance (Rec. 709).
+//! The sRGB transfer function (IEC 61966-2-1) and Rec. 709 luminance.
 
 use std::sync::LazyLock;
 
-/// Linear light of an sRGB value in `[0, 1]` (IEC 61966-2-1; beyond 1 the curve goes on, below 0 it is odd).
+/// Converts an sRGB value to linear light (IEC 61966-2-1). The curve is continued above 1 and is odd below 0.
 #[inline]
 pub fn linear_from_srgb(value: f32) -> f32 {
     let magnitude = value.abs();
@@ -10,7 +10,7 @@ pub fn linear_from_srgb(value: f32) -> f32 {
     linear.copysign(value)
 }
 
-/// Inverse of [`linear_from_srgb`].
+/// Converts linear light to an sRGB value: the inverse of [`linear_from_srgb`].
 #[inline]
 pub fn srgb_from_linear(value: f32) -> f32 {
     let magnitude = value.abs();
@@ -18,17 +18,17 @@ pub fn srgb_from_linear(value: f32) -> f32 {
     srgb.copysign(value)
 }
 
-/// Linear light of each 8-bit sRGB value.
+/// Converts an 8-bit sRGB value to linear light.
 #[inline]
 pub fn linear_from_srgb8(value: u8) -> f32 {
     static TABLE: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|i| linear_from_srgb(i as f32 / 255.0)));
     TABLE[usize::from(value)]
 }
 
-/// Nearest 8-bit sRGB value; what lies outside of `[0, 1]` is clipped and NaN is 0.
+/// Converts linear light to the nearest 8-bit sRGB value. Values outside `[0, 1]` are clipped; NaN becomes 0.
 #[inline]
 pub fn srgb8_from_linear(value: f32) -> u8 {
-    // `as` saturates, and turns NaN into 0
+    // `as` saturates and converts NaN to 0
     (srgb_from_linear(value) * 255.0 + 0.5) as u8
 }
 
@@ -44,11 +44,11 @@ mod tests {
 
     #[test]
     fn srgb_follows_the_standard() {
-        // f64 twin of the standard's formula at the middle grey, and the published value of code 128
+        // the standard's formula in f64 at middle grey, and the published value of code 128
         assert!((linear_from_srgb8(128) - 0.215_860_5).abs() < 1e-6);
         assert!((linear_from_srgb8(10) - (10.0 / 255.0 / 12.92) as f32).abs() < 1e-9);
         assert!((srgb_from_linear(0.18) - 0.461_356_1).abs() < 1e-5);
-        // the two branches meet to the precision that the standard's constants allow
+        // the two branches meet within the precision of the standard's constants
         assert!((linear_from_srgb(0.040_45) - linear_from_srgb(0.040_451)).abs() < 1e-6);
         assert_eq!(luminance([1.0; 3]), 1.0);
     }

@@ -1,10 +1,12 @@
 use crate::{Image, Photo, ToneCurve, resize};
 
-/// What is seen between the pictures of a [`contact_sheet`]: dark grey, as around a projected slide.
-pub const CONTACT_SHEET_GROUND: [u8; 3] = [28, 28, 28];
+/// Background colour of a [`contact_sheet`]: dark grey, as around a projected slide.
+pub const CONTACT_SHEET_BACKGROUND: [u8; 3] = [28, 28, 28];
 
-/// Pictures in rows and columns, `gap` pixels apart and from the border. A row is as high as its tallest picture, a column as wide as its widest; each
-/// picture stands in the upper left corner of its place. Nothing but the border where there are no rows.
+/// Arranges images in rows and columns, with `gap` pixels between them and around the sheet.
+///
+/// A row is as high as its tallest image, a column as wide as its widest. Images are aligned to the upper left of their
+/// cell. Without rows the sheet is only its border.
 pub fn contact_sheet(rows: &[&[Image<[u8; 3]>]], gap: usize) -> Image<[u8; 3]> {
     let columns = rows.iter().map(|row| row.len()).max().unwrap_or(0);
     let widths = (0..columns).map(|column| rows.iter().filter_map(|row| row.get(column)).map(Image::width).max());
@@ -12,7 +14,7 @@ pub fn contact_sheet(rows: &[&[Image<[u8; 3]>]], gap: usize) -> Image<[u8; 3]> {
     let heights: Vec<usize> = rows.iter().map(|row| row.iter().map(Image::height).max().unwrap_or(0)).collect();
     let all = |sizes: &[usize]| gap + sizes.iter().map(|size| size + gap).sum::<usize>();
     let (width, height) = (all(&widths), all(&heights));
-    let mut sheet = Image::new(width, height, vec![CONTACT_SHEET_GROUND; width * height]);
+    let mut sheet = Image::new(width, height, vec![CONTACT_SHEET_BACKGROUND; width * height]);
     for (number, row) in rows.iter().enumerate() {
         let top = all(&heights[..number]);
         for (column, tile) in row.iter().enumerate() {
@@ -26,10 +28,10 @@ pub fn contact_sheet(rows: &[&[Image<[u8; 3]>]], gap: usize) -> Image<[u8; 3]> {
     sheet
 }
 
-/// A photo of another size, for a [`contact_sheet`].
+/// Resizes a photo for a [`contact_sheet`].
 ///
 /// # Panics
-/// Where the photo or the size has no pixels.
+/// If the photo or the size has no pixels.
 pub fn photo_tile(photo: &Image<[u8; 3]>, width: usize, height: usize) -> Image<[u8; 3]> {
     let linear = Photo::Srgb8(photo.clone()).into_radiance();
     ToneCurve::Clip.map(&resize(&linear, width, height), 0.0)
@@ -59,8 +61,8 @@ mod tests {
         ] {
             assert!(places.into_iter().all(|place| sheet[place] == [value; 3]), "{value}");
         }
-        let ground = sheet.pixels().iter().filter(|rgb| **rgb == CONTACT_SHEET_GROUND).count();
-        assert_eq!(ground, 18 * 14 - (20 + 6 + 6 + 4 + 1), "all else is ground");
+        let background = sheet.pixels().iter().filter(|rgb| **rgb == CONTACT_SHEET_BACKGROUND).count();
+        assert_eq!(background, 18 * 14 - (20 + 6 + 6 + 4 + 1), "all else is background");
         assert_eq!(contact_sheet(&[], 6).pixels().len(), 36);
     }
 

@@ -1,5 +1,7 @@
-//! Cubemaps in the layout of OpenEXR (`ImfEnvmap.h`): six faces seen from inside, in the order +X −X +Y −Y +Z −Z, one
-//! above the other. Pixel centres lie at +0.5, as everywhere here (OpenEXR's helper puts those of the border on the edge).
+//! Cubemaps in OpenEXR's layout (`ImfEnvmap.h`): six faces seen from inside, in the order +X −X +Y −Y +Z −Z, stacked
+//! vertically.
+//!
+//! Pixel centres are at +0.5 as elsewhere in this crate, whereas OpenEXR's helper puts those of the border on the edge.
 //!
 //! | face | to the right | downwards |
 //! | --- | --- | --- |
@@ -25,20 +27,20 @@ const FACES: [[Vec3; 3]; 6] = [
     [Vec3::NEG_Z, Vec3::X, Vec3::NEG_Y],
 ];
 
-/// Six square faces of one size, in the order and orientation of OpenEXR: +X −X +Y −Y +Z −Z, seen from inside.
+/// A cubemap: six square faces of one size, in OpenEXR's order and orientation (+X −X +Y −Y +Z −Z, seen from inside).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cubemap {
-    /// The faces, each of the same number of pixels in both directions.
+    /// The faces, square and of equal size.
     pub faces: [RadianceImage; 6],
 }
 
-/// The cubemap of an equirectangular map, with faces of `face_size`² pixels; averaged where the map is finer.
+/// Converts an equirectangular map to a cubemap with faces of `face_size`² pixels; averages where the map is finer.
 ///
 /// # Panics
-/// Where the map has no pixels.
+/// If the map has no pixels.
 pub fn cubemap_from_equirectangular(map: &RadianceImage, face_size: usize) -> Cubemap {
     let size = face_size as f32;
-    // at a face's middle a pixel spans 2 / size radians
+    // at a face's centre a pixel spans 2 / size radians
     let samples = samples_per_side(2.0 / size * map.width() as f32 / std::f32::consts::TAU);
     let faces = FACES.map(|[forward, right, down]| {
         render(face_size, face_size, samples, |x, y| {
@@ -49,10 +51,11 @@ pub fn cubemap_from_equirectangular(map: &RadianceImage, face_size: usize) -> Cu
     Cubemap { faces }
 }
 
-/// The equirectangular map of a cubemap; averaged where the cube is finer. Lookups are bilinear within a face.
+/// Converts a cubemap to an equirectangular map; averages where the cubemap is finer. Lookups are bilinear within a
+/// face.
 ///
 /// # Panics
-/// Where the faces have no pixels.
+/// If the faces have no pixels.
 pub fn equirectangular_from_cubemap(cube: &Cubemap, width: usize, height: usize) -> RadianceImage {
     let size = cube.faces[0].width() as f32;
     let samples = samples_per_side(std::f32::consts::TAU / width as f32 * size / 2.0);
@@ -64,20 +67,22 @@ pub fn equirectangular_from_cubemap(cube: &Cubemap, width: usize, height: usize)
 }
 
 impl Cubemap {
-    /// The faces one above the other, as OpenEXR stores them (`envmap` = cube): `n` × `6 n` pixels.
+    /// Stacks the faces vertically, as OpenEXR stores them (`envmap` = cube): `n` × `6 n` pixels.
     pub fn strip(&self) -> RadianceImage {
         let size = self.faces[0].width();
         Image::from_fn(size, 6 * size, |x, y| self.faces[y / size][(x, y % size)])
     }
 
-    /// Inverse of [`Cubemap::strip`]; `None` where the picture is not six times as high as wide.
+    /// Inverse of [`Cubemap::strip`]; `None` if the image is not six times as high as wide.
     pub fn from_strip(strip: &RadianceImage) -> Option<Self> {
         let size = strip.width();
         let face = |face: usize| Image::from_fn(size, size, |x, y| strip[(x, face * size + y)]);
         (size > 0 && strip.height() == 6 * size).then(|| Self { faces: std::array::from_fn(face) })
     }
 
-    /// Unfolded for the eye: `4 n` × `3 n` pixels, −X −Z +X +Z in the middle row, +Y above and −Y below −Z, black elsewhere.
+    /// Unfolds the cubemap into a cross of `4 n` × `3 n` pixels, for viewing.
+    ///
+    /// The middle row is −X −Z +X +Z; +Y is above and −Y below −Z; the rest is black.
     pub fn cross(&self) -> RadianceImage {
         let size = self.faces[0].width();
         let face = |column: usize, row: usize| match (column, row) {
@@ -95,7 +100,7 @@ impl Cubemap {
     }
 }
 
-/// The face that a direction meets, and where: to the right and downwards in `[−1, 1]`.
+/// Returns the face that a direction hits, and the position on it: to the right and downwards in `[−1, 1]`.
 fn face_of(direction: Vec3) -> (usize, f32, f32) {
     let magnitude = direction.abs();
     let axis = match magnitude.max_element() {
@@ -144,7 +149,7 @@ mod tests {
         let cube = cubemap_from_equirectangular(&direction_map(512, 256), 128);
         let back = equirectangular_from_cubemap(&cube, 128, 64);
         let worst = worst_angle(&back, |x, y| pixel_direction(x, y, 128, 64));
-        // at an edge of the cube the lookup stops half a face pixel short: 1/128 of the face's half width
+        // at an edge of the cube the lookup is clamped half a face pixel short: 1/128 of the face's half width
         assert!(worst < 8e-3, "{worst}");
     }
 

@@ -1,27 +1,27 @@
-//! Depth maps: what each format holds, and what counts as a reading.
+//! Depth maps: decoding of each format, units, and validity of readings.
 
 use std::io::{self, Cursor, Write};
 
 use image::DynamicImage;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 
+use crate::encoded_image::{EncodedImage, MAX_PIXELS};
 use crate::pfm::Pfm;
-use crate::samples::Samples;
-use crate::source::{MAX_PIXELS, Source};
+use crate::stored_depth::StoredDepth;
 use crate::{DepthMap, Format, Image, ImageError, exr_read, npy, pfm, raster};
 
-/// Readings from here on are the "background" of renderers (Blender writes 1e10).
+/// Depth from which a value is a renderer's background and not a reading (Blender writes 1e10).
 const FARTHEST_M: f64 = 1e5;
 
-/// Units of a metre in integer files when nothing is said: millimetres.
+/// Default scale of integer files: millimetres.
 const INTEGER_UNITS_PER_METRE: f64 = 1000.0;
 
-pub(crate) fn decode(source: Source, units_per_metre: Option<f64>) -> Result<DepthMap, ImageError> {
+pub(crate) fn decode(source: EncodedImage, units_per_metre: Option<f64>) -> Result<DepthMap, ImageError> {
     if let Some(scale) = units_per_metre.filter(|s| !(s.is_finite() && *s > 0.0)) {
-        return Err(source.invalid(format!("a depth scale of {scale} units per metre; it must be positive")));
+        return Err(source.invalid(format!("the depth scale must be positive and finite, got {scale} units per metre")));
     }
-    let float = |values| Samples { values, integers: false };
-    let Samples { mut values, integers } = match source.format {
+    let float = |values| StoredDepth { values, integers: false };
+    let StoredDepth { mut values, integers } = match source.format {
         Format::Exr => float(exr_read::decode_depth(source)?),
         Format::Pfm => match pfm::decode(source)? {
             Pfm::Grey(depth) => float(depth),
@@ -29,8 +29,8 @@ pub(crate) fn decode(source: Source, units_per_metre: Option<f64>) -> Result<Dep
         },
         Format::Npy => npy::decode(source)?,
         Format::Tiff => decode_tiff(source)?,
-        Format::Png | Format::Pnm => Samples { values: decode_integers(source)?, integers: true },
-        other => return Err(source.unsupported(format!("{other}: depth needs 16-bit PNG, EXR, PFM, TIFF or NPY"))),
+        Format::Png | Format::Pnm => StoredDepth { values: decode_integers(source)?, integers: true },
+        _ => return Err(source.unsupported("depth must be a 16-bit PNG or PGM, an EXR, PFM, TIFF or NPY file")),
     };
     let units = units_per_metre.unwrap_or(if integers { INTEGER_UNITS_PER_METRE } else { 1.0 });
     let (mut positive, mut negative) = (false, false);
@@ -42,12 +42,12 @@ pub(crate) fn decode(source: Source, units_per_metre: Option<f64>) -> Result<Dep
         *value = if reading { depth_m as f32 } else { 0.0 };
     }
     if negative && !positive {
-        return Err(source.invalid("all depths are negative; they must grow away from the camera"));
+        return Err(source.invalid("all depths are negative; depth must increase away from the camera"));
     }
     Ok(values)
 }
 
-fn decode_integers(source: Source) -> Result<DepthMap, ImageError> {
+fn decode_integers(source: EncodedImage) -> Result<DepthMap, ImageError> {
     let samples = match raster::decode(source)?.0 {
         DynamicImage::ImageLuma16(grey) => grey,
         other => {
@@ -58,7 +58,7 @@ fn decode_integers(source: Source) -> Result<DepthMap, ImageError> {
     Ok(Image::new(width, height, samples.into_raw().into_iter().map(f32::from).collect()))
 }
 
-fn decode_tiff(source: Source) -> Result<Samples, ImageError> {
+fn decode_tiff(source: EncodedImage) -> Result<StoredDepth, ImageError> {
     let invalid = |e: tiff::TiffError| source.invalid(e);
     let mut decoder = Decoder::new(Cursor::new(source.bytes)).map_err(invalid)?;
     let (width, height) = decoder.dimensions().map_err(invalid)?;
@@ -79,15 +79,19 @@ fn decode_tiff(source: Source) -> Result<Samples, ImageError> {
         DecodingResult::U16(v) => (v.into_iter().map(f32::from).collect(), true),
         DecodingResult::I16(v) => (v.into_iter().map(f32::from).collect(), true),
         DecodingResult::U32(v) => (v.into_iter().map(|v| v as f32).collect(), true),
-        _ => return Err(source.unsupported("pixels other than 16-bit or 32-bit integers and floats")),
+        _ => {
+            return Err(
+                source.unsupported("depth needs samples of 16 or 32 bits (integer), or 16, 32 or 64 bits (float)")
+            );
+        }
     };
     if values.len() != width as usize * height as usize {
-        return Err(source.invalid(format!("{} pixels instead of {width} × {height}", values.len())));
+        return Err(source.invalid(format!("it has {} pixels instead of {width} × {height}", values.len())));
     }
-    Ok(Samples { values: Image::new(width as usize, height as usize, values), integers })
+    Ok(StoredDepth { values: Image::new(width as usize, height as usize, values), integers })
 }
 
-/// 16-bit grey PNG in millimetres; beyond 65.535 m there is no reading.
+/// Converts depth to 16-bit millimetres; depths beyond 65.535 m become 0, no reading.
 pub(crate) fn millimetres(depth: &DepthMap) -> Vec<u16> {
     let to_millimetres = |&depth_m: &f32| {
         let value = (f64::from(depth_m) * INTEGER_UNITS_PER_METRE).round();
@@ -96,7 +100,7 @@ pub(crate) fn millimetres(depth: &DepthMap) -> Vec<u16> {
     depth.pixels().iter().map(to_millimetres).collect()
 }
 
-/// Writes what [`decode`] reads from NPY.
+/// Writes depth as NPY, as [`decode`] reads it.
 pub(crate) fn encode_npy(depth: &DepthMap, out: &mut impl Write) -> io::Result<()> {
     npy::encode(depth, out)
 }

@@ -1,4 +1,4 @@
-//! Looking up, turning and resizing equirectangular maps (the convention is in `geometry`).
+//! Lookup, rotation and resizing of equirectangular maps (`lo_geometry` defines the convention).
 
 use lo_geometry::{Orientation, Quat, Vec2, Vec3, direction_from_uv, uv_from_direction};
 use rayon::prelude::*;
@@ -6,11 +6,12 @@ use rayon::prelude::*;
 use crate::resize::{weighted, weights};
 use crate::{DepthMap, Image, RadianceImage};
 
-/// Radiance from a direction (of any length): bilinear between pixel centres, across the seam, and over the poles to
-/// the opposite meridian.
+/// Returns the radiance from a direction (of any length).
+///
+/// Interpolates bilinearly between pixel centres, across the seam, and over the poles to the opposite meridian.
 ///
 /// # Panics
-/// Where the map has no pixels.
+/// If the map has no pixels.
 pub fn sample_equirectangular(map: &RadianceImage, direction: Vec3) -> [f32; 3] {
     let (width, height) = (map.width(), map.height());
     let uv = uv_from_direction(direction);
@@ -30,11 +31,13 @@ pub fn sample_equirectangular(map: &RadianceImage, direction: Vec3) -> [f32; 3] 
     mix(mix(pixel(0, 0), pixel(1, 0), fx), mix(pixel(0, 1), pixel(1, 1), fx), fy)
 }
 
-/// Turns what a map shows by any rotation: what lay in direction d lies in `rotation` · d afterwards. `width` × `height` pixels, each the
-/// mean of 2 × 2 look-ups; give a map twice as fine to lose nothing.
+/// Rotates the content of a map: direction d moves to `rotation` · d.
+///
+/// The result has `width` × `height` pixels, each the mean of 2 × 2 lookups. A source twice as fine avoids a loss of
+/// detail.
 ///
 /// # Panics
-/// Where the map has no pixels.
+/// If the map has no pixels.
 pub fn rotate_equirectangular(map: &RadianceImage, rotation: Quat, width: usize, height: usize) -> RadianceImage {
     let back = rotation.inverse();
     let pixel = |index: usize| {
@@ -49,10 +52,10 @@ pub fn rotate_equirectangular(map: &RadianceImage, rotation: Quat, width: usize,
     Image::new(width, height, (0..width * height).into_par_iter().map(pixel).collect())
 }
 
-/// As [`rotate_equirectangular`], for depth: takes the nearest pixel and never mixes surfaces.
+/// Like [`rotate_equirectangular`], for depth: takes the nearest pixel and never mixes surfaces.
 ///
 /// # Panics
-/// Where the map has no pixels.
+/// If the map has no pixels.
 pub fn rotate_equirectangular_nearest(map: &DepthMap, rotation: Quat, width: usize, height: usize) -> DepthMap {
     let back = rotation.inverse();
     Image::from_fn(width, height, |x, y| {
@@ -63,24 +66,24 @@ pub fn rotate_equirectangular_nearest(map: &DepthMap, rotation: Quat, width: usi
     })
 }
 
-/// Turns a map's content from one program's orientation to another's.
+/// Rotates a map's content from one program's orientation to another's.
 ///
-/// Exact (whole pixels move) where the width is a multiple of 4 or the turn a multiple of 180° of an even width; else
-/// neighbouring columns are mixed.
+/// Exact (whole pixels move) if the width is a multiple of 4, or for a half turn of an even width. Otherwise
+/// neighbouring columns are averaged.
 pub fn reorient(map: &RadianceImage, from: Orientation, to: Orientation) -> RadianceImage {
     turn(map, from, to, |a, b| [0, 1, 2].map(|c| 0.5 * (a[c] + b[c])))
 }
 
-/// As [`reorient`], for depth: never mixes columns, but rounds the shift to whole pixels.
+/// Like [`reorient`], for depth: never averages columns, but rounds the shift to whole pixels.
 pub fn reorient_depth(map: &DepthMap, from: Orientation, to: Orientation) -> DepthMap {
     turn(map, from, to, |a, _| *a)
 }
 
-/// Content moves left by quarters of the width; `between` makes the pixel halfway from a column to the next.
+/// Moves the content left by quarters of the width; `between` gives the pixel halfway between two columns.
 fn turn<T: Copy>(map: &Image<T>, from: Orientation, to: Orientation, between: impl Fn(&T, &T) -> T) -> Image<T> {
     let (width, height) = (map.width(), map.height());
     let quarters = (to.quarter_turns() + 4 - from.quarter_turns()) as usize % 4;
-    // the shift is a whole number of half pixels for even widths; for odd ones the last quarter pixel is given up
+    // the shift is a whole number of half pixels for even widths; for odd ones a quarter pixel is dropped
     let half_pixels = quarters * width / 2;
     let (shift, halfway) = (half_pixels / 2, half_pixels % 2 == 1);
     Image::from_fn(width, height, |x, y| {
@@ -89,14 +92,16 @@ fn turn<T: Copy>(map: &Image<T>, from: Orientation, to: Orientation, between: im
     })
 }
 
-/// Resizes an equirectangular map: each new pixel is the mean over the area it covers, weighted by solid angle, so that
-/// the power ∫ L dω is kept; an axis that grows is interpolated (bilinear).
+/// Resizes an equirectangular map and preserves the power ∫ L dω.
+///
+/// Each new pixel is the mean over the area it covers, weighted by solid angle. An enlarged axis is interpolated
+/// linearly.
 ///
 /// # Panics
-/// Where either size has no pixels.
+/// If either size has no pixels.
 pub fn resize_equirectangular(map: &RadianceImage, width: usize, height: usize) -> RadianceImage {
     assert!(!map.pixels().is_empty() && width > 0 && height > 0, "an image without pixels cannot be resized");
-    // a row's share of the sphere is a difference of the sines of its edges' latitudes
+    // a row's share of the sphere is the difference of the sines of its edges' latitudes
     let sine = |edge: f64| -((0.5 - edge) * std::f64::consts::PI).sin();
     let rows = weights(map.height(), height, sine, |row, count| row.clamp(0, count - 1));
     let columns = weights(map.width(), width, |edge| edge, i64::rem_euclid);
@@ -132,7 +137,7 @@ mod tests {
 
     #[test]
     fn turned_maps_show_what_they_showed_elsewhere() {
-        // Smooth radiance by direction: 2 + a linear function; the turned map is known in closed form.
+        // Smooth radiance by direction, 2 + a linear function: the rotated map has a closed form.
         let axis = Vec3::new(0.5, -0.3, 0.8);
         let light = |d: Vec3| 2.0 + axis.dot(d);
         let map = RadianceImage::from_fn(256, 128, |x, y| [light(pixel_direction(x, y, 256, 128)); 3]);
@@ -143,7 +148,7 @@ mod tests {
             for x in 0..128 {
                 let expected = light(rotation.inverse() * pixel_direction(x, y, 128, 64));
                 assert!((turned[(x, y)][1] - expected).abs() < 2e-3, "{x} {y}: {} for {expected}", turned[(x, y)][1]);
-                // Half a pixel of the map off at most.
+                // At most half a pixel of the map off.
                 assert!((depth[(x, y)] - expected).abs() < 0.02, "{x} {y}: {} for {expected}", depth[(x, y)]);
             }
         }
@@ -197,7 +202,7 @@ mod tests {
                     let turned = reorient(&map, from, to);
                     assert_eq!(reorient(&turned, to, from), map, "{from:?} {to:?}");
                 }
-                // the light of a world direction is found in the preset's map where the preset's rotation says
+                // a world direction's light is at the preset's rotation of it in the preset's map
                 let turned = reorient(&map, Orientation::Lightoctree, from);
                 for (x, y) in (0..width).flat_map(|x| (0..height).map(move |y| (x, y))) {
                     let uv = uv_from_direction(from.map_from_world() * pixel_direction(x, y, width, height));

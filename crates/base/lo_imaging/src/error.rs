@@ -2,79 +2,82 @@ use std::path::{Path, PathBuf};
 
 use crate::Format;
 
-/// What went wrong with an image; every message names the file (or the name given with the bytes) and the format.
+/// Errors of reading and writing images. Every message names the file (or the name given with the bytes).
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
-    /// The file cannot be opened, read or written.
+    /// The file could not be opened, read or written.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the operating system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Neither the first bytes nor the extension tell what the file is.
-    #[error("{name}: not a format that can be read here; expected {expected}")]
+    /// Neither the first bytes nor the extension identify a format.
+    #[error("{name}: unrecognised image format; expected {expected}")]
     UnknownFormat {
         /// Path or name.
         name: String,
-        /// What would be read.
+        /// Formats that can be read.
         expected: &'static str,
     },
     /// The bytes are not a valid file of their format.
-    #[error("{name}: damaged or invalid {format}: {reason}")]
+    #[error("{name}: damaged or invalid {format} file: {reason}")]
     Invalid {
         /// Path or name.
         name: String,
-        /// Format found.
+        /// Detected format.
         format: Format,
-        /// What is wrong.
+        /// Cause.
         reason: String,
     },
-    /// The file is valid as far as can be seen, but uses something that is not read here.
-    #[error("{name}: this {format} uses {feature}, which cannot be read")]
+    /// The file appears valid, but uses an unsupported feature or the wrong format for its purpose.
+    #[error("{name}: unsupported {format} file: {feature}")]
     Unsupported {
         /// Path or name.
         name: String,
-        /// Format found.
+        /// Detected format.
         format: Format,
-        /// The compression, pixel type or layout.
+        /// The unsupported compression, pixel type or layout.
         feature: String,
     },
-    /// The declared size exceeds the limits of this crate or what the bytes can hold.
-    #[error("{name}: this {format} declares {width} × {height} pixels, {limit}")]
+    /// The declared size exceeds a limit of this crate or is implausible for the number of bytes.
+    #[error("{name}: the declared size of the {format} file, {width} × {height} pixels, is too large: {limit}")]
     TooLarge {
         /// Path or name.
         name: String,
-        /// Format found.
+        /// Detected format.
         format: Format,
         /// Declared width in pixels.
         width: u64,
         /// Declared height in pixels.
         height: u64,
-        /// The limit that is broken.
+        /// The exceeded limit.
         limit: String,
     },
-    /// The extension of an output file names no format that can hold the picture.
-    #[error("{}: cannot write this as “.{}”; use one of {supported}", path.display(), extension(path))]
+    /// The extension of an output file is missing, or its format cannot hold the image.
+    #[error("{}: {}; use one of {supported}", path.display(), extension_problem(path))]
     OutputFormat {
         /// The file.
         path: PathBuf,
-        /// Extensions that would work.
+        /// Supported extensions.
         supported: &'static str,
     },
-    /// The picture cannot be held by the output format.
-    #[error("{}: {format} cannot hold this picture: {reason}", path.display())]
+    /// The image cannot be encoded in the output format.
+    #[error("{}: cannot encode the image as {format}: {reason}", path.display())]
     Encode {
         /// The file.
         path: PathBuf,
         /// Format of the file.
         format: Format,
-        /// What is wrong.
+        /// Cause.
         reason: String,
     },
 }
 
-fn extension(path: &Path) -> String {
-    path.extension().unwrap_or_default().to_string_lossy().into_owned()
+fn extension_problem(path: &Path) -> String {
+    match path.extension() {
+        Some(extension) => format!("cannot write an image of this type as “.{}”", extension.to_string_lossy()),
+        None => "the file name has no extension".to_owned(),
+    }
 }

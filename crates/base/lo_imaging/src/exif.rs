@@ -1,40 +1,40 @@
 use exif::{Exif, In, Tag, Value};
 
-/// What EXIF says about the lens, for the field of view of a photo.
+/// EXIF tags of the lens, from which a photo's field of view follows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FocalLength {
-    /// Focal length that gives the same angle on 35 mm film (tag 0xA405), in millimetres.
+    /// Equivalent focal length for 35 mm film (tag 0xA405), in millimetres.
     pub equivalent_35mm: Option<f64>,
-    /// Real focal length (tag 0x920A), in millimetres.
+    /// Actual focal length (tag 0x920A), in millimetres.
     pub focal_mm: Option<f64>,
     /// Sensor pixels per millimetre (tags 0xA20E, 0xA210).
     pub focal_plane_per_mm: Option<f64>,
-    /// The longer side of the picture that the camera wrote (tags 0xA002, 0xA003), in pixels.
+    /// Longer side of the image as written by the camera (tags 0xA002, 0xA003), in pixels.
     pub original_long_side: Option<u32>,
 }
 
 /// Diagonal of the 36 mm × 24 mm frame; CIPA DCG-001 defines the 35 mm equivalent by the diagonal angle of view.
 const FILM_DIAGONAL_MM: f64 = 43.266_615_305_567_87;
 
-/// What EXIF says about how much light a shot let in.
+/// EXIF tags of a photo's exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ShotExposure {
+pub struct PhotoExposure {
     /// Exposure time (tag 0x829A, else 0x9201), in seconds.
     pub time_s: Option<f64>,
     /// F-number of the aperture (tag 0x829D, else 0x9202).
     pub f_number: Option<f64>,
-    /// Sensitivity (tag 0x8827).
+    /// ISO sensitivity (tag 0x8827).
     pub iso: Option<f64>,
 }
 
-/// Reads a raw EXIF block (a TIFF structure) as far as it is not damaged.
+/// Parses a raw EXIF block (a TIFF structure) up to the first damage.
 fn parse(raw: &[u8]) -> Option<Exif> {
     let mut reader = exif::Reader::new();
     reader.continue_on_error(true);
     reader.read_raw(raw.to_vec()).or_else(|error| error.distill_partial_result(|_| ())).ok()
 }
 
-impl ShotExposure {
+impl PhotoExposure {
     /// Reads the tags of a raw EXIF block. Damaged or missing tags are `None`.
     pub(crate) fn from_exif(raw: &[u8]) -> Self {
         let Some(exif) = parse(raw) else { return Self::default() };
@@ -68,10 +68,10 @@ impl FocalLength {
         }
     }
 
-    /// Focal length in pixels of a photo of `width` × `height` (either way round: pixels are square).
+    /// Focal length in pixels of a photo of `width` × `height`, in either orientation, with square pixels.
     ///
-    /// From the focal plane where the original size is known, else from the 35 mm equivalent; `None` where neither is
-    /// stated or the result is no lens (a horizontal angle beyond 1°–170°).
+    /// Computed from the focal plane resolution if the original size is known, else from the 35 mm equivalent. `None`
+    /// if neither is stated, or for an implausible lens (a horizontal angle outside 1° to 170°).
     pub fn focal_px(&self, width: u32, height: u32) -> Option<f64> {
         let (width, height) = (f64::from(width), f64::from(height));
         let plane = || {
@@ -83,7 +83,7 @@ impl FocalLength {
         plane().filter(plausible).or_else(|| film().filter(plausible))
     }
 
-    /// Horizontal field of view in degrees of a photo of `width` × `height`, as [`FocalLength::focal_px`].
+    /// Horizontal field of view in degrees of a photo of `width` × `height`; `None` as for [`FocalLength::focal_px`].
     pub fn hfov_deg(&self, width: u32, height: u32) -> Option<f64> {
         self.focal_px(width, height).map(|focal| hfov_deg(focal, f64::from(width)))
     }
@@ -93,7 +93,7 @@ fn hfov_deg(focal_px: f64, width: f64) -> f64 {
     2.0 * (0.5 * width / focal_px).atan().to_degrees()
 }
 
-/// A positive number of the primary image; 0 means "unknown" in EXIF.
+/// Reads a positive number of the primary image; 0 means "unknown" in EXIF.
 fn number(exif: &Exif, tag: Tag) -> Option<f64> {
     let value = match &exif.get_field(tag, In::PRIMARY)?.value {
         Value::Rational(values) => values.first()?.to_f64(),
@@ -102,7 +102,7 @@ fn number(exif: &Exif, tag: Tag) -> Option<f64> {
     (value.is_finite() && value > 0.0).then_some(value)
 }
 
-/// A number of stops, which may be negative.
+/// Reads an APEX value in stops, which may be negative.
 fn apex(exif: &Exif, tag: Tag) -> Option<f64> {
     let value = match &exif.get_field(tag, In::PRIMARY)?.value {
         Value::SRational(values) => values.first()?.to_f64(),

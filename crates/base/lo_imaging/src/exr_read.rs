@@ -1,7 +1,7 @@
-//! OpenEXR: scan lines and tiles, every compression that the `exr` crate decodes (none, RLE, ZIP, ZIPS, PIZ, PXR24, B44,
-//! B44A, DWAA, DWAB), half, float and uint channels, several parts and layers.
+//! OpenEXR decoding: scan lines and tiles, half, float and uint channels, several parts and layers.
 //!
-//! The picture is the data window; of several resolution levels the largest is read.
+//! Supports every compression that the `exr` crate decodes: none, RLE, ZIP, ZIPS, PIZ, PXR24, B44, B44A, DWAA and DWAB.
+//! The image is the data window; of several resolution levels the largest is read.
 
 use std::io::Cursor;
 
@@ -15,7 +15,7 @@ use exr::meta::header::Header;
 use rayon::prelude::*;
 
 use crate::chromaticity::rec709_from_primaries;
-use crate::source::Source;
+use crate::encoded_image::EncodedImage;
 use crate::{DepthMap, ImageError, RadianceImage};
 
 /// All channels of the first part of an OpenEXR file.
@@ -27,16 +27,18 @@ pub struct ExrChannels {
     pub height: usize,
     /// Name (`R`, or `layer.R`) and samples, row by row from the top, in the file's (alphabetical) order.
     pub channels: Vec<(String, Vec<f32>)>,
-    /// Custom attributes that are texts, by name.
+    /// Custom text attributes, sorted by name.
     pub metadata: Vec<(String, String)>,
 }
 
-/// Reads the colour of the first part that has some: `R G B`, else the first layer's `name.R name.G name.B`,
-/// else `Y`, else the only channel, as grey. Other primaries than Rec. 709 are converted.
-pub(crate) fn decode_radiance(source: Source) -> Result<RadianceImage, ImageError> {
+/// Decodes the colour of the first part that has any.
+///
+/// Uses `R G B`, else the first layer's `name.R name.G name.B`, else `Y`, else the only channel as grey. Primaries
+/// other than Rec. 709 are converted.
+pub(crate) fn decode_radiance(source: EncodedImage) -> Result<RadianceImage, ImageError> {
     let meta = read_meta(source)?;
     let found = meta.headers.iter().enumerate().find_map(|(part, h)| Some((part, color_channels(&names(h))?)));
-    let (part, channels) = found.ok_or_else(|| no_channel(source, &meta, "neither colour nor a channel Y"))?;
+    let (part, channels) = found.ok_or_else(|| no_channel(source, &meta, "no R, G, B or Y channel"))?;
     let header = &meta.headers[part];
     let size = check(source, header)?;
     let to_rec709 = header.shared_attributes.chromaticities.as_ref().and_then(conversion);
@@ -52,18 +54,19 @@ pub(crate) fn decode_radiance(source: Source) -> Result<RadianceImage, ImageErro
     Ok(RadianceImage::new(size.width(), size.height(), pixels))
 }
 
-/// Reads one channel of values: `Z`, else one called depth or distance in some layer, else `Y`, else `R`, else the only one.
-pub(crate) fn decode_depth(source: Source) -> Result<DepthMap, ImageError> {
+/// Decodes a depth channel: `Z`, else one named depth or distance in any layer, else `Y`, `V` or `R`, else the only
+/// one.
+pub(crate) fn decode_depth(source: EncodedImage) -> Result<DepthMap, ImageError> {
     let meta = read_meta(source)?;
     let found = meta.headers.iter().enumerate().find_map(|(part, h)| Some((part, depth_channel(&names(h))?)));
-    let (part, channel) = found.ok_or_else(|| no_channel(source, &meta, "no channel Z, depth, Y or R"))?;
+    let (part, channel) = found.ok_or_else(|| no_channel(source, &meta, "no Z, depth, Y or R channel"))?;
     let size = check(source, &meta.headers[part])?;
     let mut depth = vec![0.0f32; size.area()];
     decode_part(source, part, &[channel], size, |_, index, value| depth[index] = value)?;
     Ok(DepthMap::new(size.width(), size.height(), depth))
 }
 
-pub(crate) fn decode_channels(source: Source) -> Result<ExrChannels, ImageError> {
+pub(crate) fn decode_channels(source: EncodedImage) -> Result<ExrChannels, ImageError> {
     let meta = read_meta(source)?;
     let header = meta.headers.first().ok_or_else(|| source.invalid("no parts"))?;
     let size = check(source, header)?;
@@ -87,17 +90,17 @@ pub(crate) fn decode_channels(source: Source) -> Result<ExrChannels, ImageError>
     })
 }
 
-fn read_meta(source: Source) -> Result<MetaData, ImageError> {
+fn read_meta(source: EncodedImage) -> Result<MetaData, ImageError> {
     let meta = MetaData::read_from_buffered(source.bytes, false).map_err(|e| source.invalid(e))?;
-    // the decoder allocates by these counts: an offset table alone needs 8 bytes of file per block
+    // the decoder allocates by these counts; the offset table alone takes 8 bytes of the file per block
     let blocks = meta.headers.iter().fold(0usize, |sum, h| sum.saturating_add(h.chunk_count));
     if blocks > source.bytes.len() / 8 {
-        return Err(source.invalid(format!("{blocks} blocks do not fit into {} bytes", source.bytes.len())));
+        return Err(source.invalid(format!("{blocks} declared blocks do not fit into {} bytes", source.bytes.len())));
     }
     Ok(meta)
 }
 
-fn check(source: Source, header: &Header) -> Result<Vec2<usize>, ImageError> {
+fn check(source: EncodedImage, header: &Header) -> Result<Vec2<usize>, ImageError> {
     let size = header.layer_size;
     source.check_size(size.width() as u64, size.height() as u64)?;
     if header.deep {
@@ -114,7 +117,8 @@ fn check(source: Source, header: &Header) -> Result<Vec2<usize>, ImageError> {
     let block_pixels = widest.width().min(size.width()).saturating_mul(widest.height().min(size.height()));
     let block_bytes = block_pixels.saturating_mul(header.channels.bytes_per_pixel);
     if block_bytes > (64 << 20) + source.bytes.len().saturating_mul(4096) {
-        return Err(source.unsupported(format!("blocks of {block_bytes} bytes in a file of {}", source.bytes.len())));
+        let bytes = source.bytes.len();
+        return Err(source.unsupported(format!("blocks of {block_bytes} bytes are implausible in {bytes} bytes")));
     }
     Ok(size)
 }
@@ -123,10 +127,10 @@ fn names(header: &Header) -> Vec<String> {
     header.channels.list.iter().map(|c| c.name.to_string()).collect()
 }
 
-fn no_channel(source: Source, meta: &MetaData, missing: &str) -> ImageError {
+fn no_channel(source: EncodedImage, meta: &MetaData, missing: &str) -> ImageError {
     let mut all: Vec<String> = meta.headers.iter().flat_map(names).collect();
     all.truncate(12);
-    source.invalid(format!("{missing} among its channels {}", all.join(", ")))
+    source.invalid(format!("{missing}; the file has {}", all.join(", ")))
 }
 
 fn color_channels(names: &[String]) -> Option<Vec<usize>> {
@@ -147,14 +151,15 @@ fn depth_channel(names: &[String]) -> Option<usize> {
         .or((names.len() == 1).then_some(0))
 }
 
-/// The matrix to Rec. 709, row by row; `None` where the file says Rec. 709 or nothing that makes sense.
+/// Returns the matrix to Rec. 709, row by row; `None` for files in Rec. 709 or with invalid chromaticities.
 fn conversion(c: &Chromaticities) -> Option<[[f32; 3]; 3]> {
     rec709_from_primaries([c.red, c.green, c.blue, c.white].map(|Vec2(x, y)| [f64::from(x), f64::from(y)]))
 }
 
-/// Decompresses the wanted channels of a part; `put(slot, pixel, value)` is called once per sample, `slot` counting in `channels`.
+/// Decompresses selected channels of a part. Calls `put(slot, pixel, value)` once per sample, where `slot` is an index
+/// into `channels`.
 fn decode_part(
-    source: Source,
+    source: EncodedImage,
     part: usize,
     channels: &[usize],
     size: Vec2<usize>,
@@ -167,7 +172,7 @@ fn decode_part(
     let meta = chunks.meta_data().clone();
     let header = &meta.headers[part];
     loop {
-        // batches: decompressing is the work to share, but all blocks at once would double the memory
+        // batches: decompression runs in parallel, but all blocks at once would double the memory
         let batch = chunks.by_ref().take(32).collect::<Result<Vec<_>, _>>().map_err(|e| source.invalid(e))?;
         if batch.is_empty() {
             return Ok(());
@@ -182,9 +187,9 @@ fn decode_part(
     }
 }
 
-/// Hands on the samples of a block: line by line, and in a line channel by channel.
+/// Passes the samples of a block to `put`: line by line, and within a line channel by channel.
 fn scatter(
-    source: Source,
+    source: EncodedImage,
     header: &Header,
     block: &UncompressedBlock,
     channels: &[usize],
@@ -195,7 +200,7 @@ fn scatter(
     let line_bytes = header.channels.bytes_per_pixel * extent.width();
     let inside = position.x() + extent.width() <= size.width() && position.y() + extent.height() <= size.height();
     if !inside || block.data.len() < line_bytes * extent.height() {
-        return Err(source.invalid("a block does not fit its place"));
+        return Err(source.invalid("a pixel block is truncated or out of bounds"));
     }
     for (row, line) in block.data.chunks_exact(line_bytes.max(1)).take(extent.height()).enumerate() {
         let first = (position.y() + row) * size.width() + position.x();

@@ -10,25 +10,27 @@ use crate::chromaticity::REC709;
 use crate::generator::{GENERATOR, printable};
 use crate::{Image, RadianceImage};
 
-/// How the sphere lies in an OpenEXR environment map (attribute `envmap`).
+/// Layout of an OpenEXR environment map (attribute `envmap`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EnvironmentLayout {
     /// Equirectangular.
     LatitudeLongitude,
-    /// Six faces, one above the other.
+    /// Cubemap: six faces stacked vertically.
     Cube,
 }
 
-/// What an OpenEXR file holds besides pixels. Other formats keep none of it, but for Radiance HDR, which names its writer too.
+/// Options and metadata of an OpenEXR file.
+///
+/// Other formats ignore them, except that Radiance HDR stores the generator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrOptions {
-    /// The program that writes the file; [`GENERATOR`] by default. Characters that are not ASCII are replaced.
+    /// Name of the writing program; [`GENERATOR`] by default. Non-ASCII characters are replaced.
     pub generator: String,
-    /// 16-bit half instead of 32-bit float: values beyond ±65504 are held there.
+    /// Stores 16-bit half instead of 32-bit float. Values are clamped to ±65504.
     pub half: bool,
-    /// Luminance of (1, 1, 1) in cd/m², where known.
+    /// Luminance of (1, 1, 1) in cd/m², if known.
     pub white_luminance: Option<f32>,
-    /// Set for environment maps.
+    /// Layout, for environment maps.
     pub environment: Option<EnvironmentLayout>,
     /// Custom text attributes: names and values in Latin-1.
     pub metadata: Vec<(String, String)>,
@@ -46,7 +48,7 @@ impl Default for ExrOptions {
     }
 }
 
-/// A layer of an OpenEXR file: channels `name.R` …, or plain `R` … where `name` is empty.
+/// A layer of an OpenEXR file: channels `name.R` …, or plain `R` … if `name` is empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelGroup {
     /// Name of the layer.
@@ -56,17 +58,17 @@ pub struct ChannelGroup {
 }
 
 impl ChannelGroup {
-    /// `R G B` of an image.
+    /// Creates the channels `R G B` of an image.
     pub fn rgb(name: &str, image: &RadianceImage) -> Self {
         Self::planes(name, ["R", "G", "B"], image)
     }
 
-    /// `R G B A` of an image.
+    /// Creates the channels `R G B A` of an image.
     pub fn rgba(name: &str, image: &Image<[f32; 4]>) -> Self {
         Self::planes(name, ["R", "G", "B", "A"], image)
     }
 
-    /// One channel.
+    /// Creates a single channel.
     pub fn single(name: &str, channel: &str, image: &Image<f32>) -> Self {
         Self { name: name.to_owned(), channels: vec![(channel.to_owned(), image.pixels().to_vec())] }
     }
@@ -78,7 +80,7 @@ impl ChannelGroup {
     }
 }
 
-/// Attributes with a meaning and type of their own: a text under their name would make the file unreadable.
+/// Standard attributes with a type of their own: a text attribute of the same name would make the file unreadable.
 const RESERVED: [&str; 17] = [
     "channels",
     "chromaticities",
@@ -99,7 +101,7 @@ const RESERVED: [&str; 17] = [
     "whiteLuminance",
 ];
 
-/// Scan lines, ZIP compression, Rec. 709 `chromaticities`.
+/// Encodes scan lines with ZIP compression and Rec. 709 `chromaticities`.
 pub(crate) fn encode(
     (width, height): (usize, usize),
     groups: &[ChannelGroup],
@@ -107,11 +109,12 @@ pub(crate) fn encode(
     out: &mut (impl Write + Seek),
 ) -> io::Result<()> {
     let bad = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
-    let text = |s: &str| Text::new_or_none(s).ok_or_else(|| bad(format!("“{s}” is not Latin-1 text")));
+    let text = |s: &str| Text::new_or_none(s).ok_or_else(|| bad(format!("“{s}” has characters outside Latin-1")));
     let mut channels = Vec::new();
     for (group, (channel, samples)) in groups.iter().flat_map(|g| g.channels.iter().map(move |c| (g, c))) {
         if samples.len() != width * height {
-            return Err(bad(format!("channel {}.{channel} has {} samples", group.name, samples.len())));
+            let (layer, count, needed) = (&group.name, samples.len(), width * height);
+            return Err(bad(format!("channel {layer}.{channel} has {count} samples instead of {needed}")));
         }
         let name = if group.name.is_empty() { channel.clone() } else { format!("{}.{channel}", group.name) };
         let half = |v: &f32| half::f16::from_f32(if v.is_nan() { *v } else { v.clamp(-65504.0, 65504.0) });
@@ -135,7 +138,7 @@ pub(crate) fn encode(
     });
     for (name, value) in &options.metadata {
         if RESERVED.contains(&name.as_str()) {
-            return Err(bad(format!("the attribute “{name}” is OpenEXR's own")));
+            return Err(bad(format!("the attribute name “{name}” is reserved by OpenEXR")));
         }
         own.other.insert(text(name)?, AttributeValue::Text(text(value)?));
     }

@@ -1,7 +1,7 @@
 use std::fmt;
 use std::path::Path;
 
-/// File formats known here.
+/// Image file formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Format {
     /// PNG, 1 to 16 bits.
@@ -27,7 +27,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The format by the first bytes.
+    /// Detects the format from the first bytes.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let starts = |magic: &[u8]| bytes.starts_with(magic);
         Some(match bytes {
@@ -45,7 +45,7 @@ impl Format {
         })
     }
 
-    /// The format by the extension, in any case.
+    /// Returns the format of the extension, ignoring case.
     pub fn from_extension(path: &Path) -> Option<Self> {
         Some(match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "png" => Self::Png,
@@ -62,7 +62,7 @@ impl Format {
         })
     }
 
-    /// By content; by the extension of `name` where the content says nothing.
+    /// Detects the format from the content, else from the extension of `name`.
     pub(crate) fn detect(bytes: &[u8], name: &str) -> Option<Self> {
         Self::from_bytes(bytes).or_else(|| Self::from_extension(Path::new(name)))
     }

@@ -1,17 +1,17 @@
-//! The name of the writing program inside of the files that it writes.
+//! Embeds the name of the writing program in image files.
 
-/// What files name as their writer where nothing else is said.
+/// Default name of the writing program.
 pub const GENERATOR: &str = "lightoctree";
 
-/// ASCII without line breaks; other characters become question marks: what every format can hold.
+/// Reduces a name to printable ASCII, which every format can store; other characters become question marks.
 pub(crate) fn printable(generator: &str) -> String {
     generator.chars().map(|c| if (' '..='~').contains(&c) { c } else { '?' }).collect()
 }
 
-/// Length of a PNG's signature and IHDR chunk, after which a text chunk may stand.
+/// Length of a PNG's signature and IHDR chunk, after which a text chunk may follow.
 const PNG_HEAD: usize = 8 + 25;
 
-/// Puts a `Software` text chunk (PNG 1.2, 11.3.4.3) behind the header of an encoded PNG.
+/// Inserts a `Software` text chunk (PNG 1.2, 11.3.4.3) after the header of an encoded PNG.
 pub(crate) fn mark_png(png: &mut Vec<u8>, generator: &str) {
     let mut chunk = b"tEXtSoftware\0".to_vec();
     chunk.extend(printable(generator).bytes());
@@ -21,7 +21,7 @@ pub(crate) fn mark_png(png: &mut Vec<u8>, generator: &str) {
     png.splice(PNG_HEAD..PNG_HEAD, bytes);
 }
 
-/// Puts a comment segment (ITU-T T.81, B.2.4.5) behind the JFIF header of an encoded JPEG.
+/// Inserts a comment segment (ITU-T T.81, B.2.4.5) after the JFIF header of an encoded JPEG.
 pub(crate) fn mark_jpeg(jpeg: &mut Vec<u8>, generator: &str) {
     let text = printable(generator).into_bytes();
     let at = match jpeg.get(2..6) {

@@ -1,4 +1,4 @@
-/// A picture of any pixel type, row by row from the top, without padding.
+/// An image of any pixel type, row by row from the top, without padding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image<T> {
     width: usize,
@@ -6,23 +6,23 @@ pub struct Image<T> {
     pixels: Vec<T>,
 }
 
-/// Linear RGB radiance, Rec. 709 primaries; 1.0 is the photo's white, never clipped.
+/// Linear RGB radiance with Rec. 709 primaries; 1.0 is the photo's white, and values are not clipped there.
 pub type RadianceImage = Image<[f32; 3]>;
 
-/// Depth in metres along the optical axis (photo) or from the probe (panorama); 0 where there is no reading.
+/// Depth in metres, along the optical axis (photo) or from the probe (panorama); 0 means no reading.
 pub type DepthMap = Image<f32>;
 
 impl<T> Image<T> {
-    /// Wraps pixels that are already in order.
+    /// Creates an image from its pixels, row by row.
     ///
     /// # Panics
-    /// Where `pixels` does not hold `width · height` values.
+    /// If `pixels` does not have `width · height` values.
     pub fn new(width: usize, height: usize, pixels: Vec<T>) -> Self {
-        assert_eq!(pixels.len(), width * height, "an image of {width} × {height} needs as many pixels");
+        assert_eq!(pixels.len(), width * height, "number of pixels of an image of {width} × {height}");
         Self { width, height, pixels }
     }
 
-    /// Makes each pixel from its position `(x, y)`.
+    /// Creates an image by computing each pixel from its position `(x, y)`.
     pub fn from_fn(width: usize, height: usize, mut pixel: impl FnMut(usize, usize) -> T) -> Self {
         let mut pixels = Vec::with_capacity(width * height);
         for y in 0..height {
@@ -48,17 +48,17 @@ impl<T> Image<T> {
         &self.pixels
     }
 
-    /// All pixels for writing.
+    /// All pixels, mutable.
     pub fn pixels_mut(&mut self) -> &mut [T] {
         &mut self.pixels
     }
 
-    /// The pixels alone.
+    /// Consumes the image and returns its pixels.
     pub fn into_pixels(self) -> Vec<T> {
         self.pixels
     }
 
-    /// An image of the same size, made pixel by pixel.
+    /// Maps each pixel to a new image of the same size.
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Image<U> {
         Image { width: self.width, height: self.height, pixels: self.pixels.iter().map(f).collect() }
     }

@@ -1,6 +1,6 @@
-//! Images: reading and writing every format of the specification, colour, projections of the sphere, spherical harmonics.
+//! Image input and output, colour, spherical projections, spherical harmonics and mirror balls.
 //!
-//! Linear radiance in Rec. 709 primaries, relative units: 1.0 is the photo's white. Row 0 is the top row.
+//! Radiance is linear, with Rec. 709 primaries, in relative units: 1.0 is the photo's white. Row 0 is the top row.
 
 mod atomic;
 mod chromaticity;
@@ -8,6 +8,7 @@ mod color;
 mod contact_sheet;
 mod cubemap;
 mod depth;
+mod encoded_image;
 mod equirectangular;
 mod error;
 mod exif;
@@ -26,19 +27,19 @@ mod raster;
 mod read;
 mod resize;
 mod rgbe;
-mod samples;
 mod sh;
-mod source;
+mod stored_depth;
 mod tone;
 mod write;
 mod y4m_write;
 
-pub use crate::exif::{FocalLength, ShotExposure};
+pub use crate::exif::{FocalLength, PhotoExposure};
 pub use crate::image::{DepthMap, Image, RadianceImage};
 pub use atomic::write_atomically;
 pub use color::{linear_from_srgb, linear_from_srgb8, luminance, srgb_from_linear, srgb8_from_linear};
-pub use contact_sheet::{CONTACT_SHEET_GROUND, contact_sheet, photo_tile};
+pub use contact_sheet::{CONTACT_SHEET_BACKGROUND, contact_sheet, photo_tile};
 pub use cubemap::{Cubemap, cubemap_from_equirectangular, equirectangular_from_cubemap};
+pub use encoded_image::MAX_PIXELS;
 pub use equirectangular::{
     reorient, reorient_depth, resize_equirectangular, rotate_equirectangular, rotate_equirectangular_nearest,
     sample_equirectangular,
@@ -57,7 +58,6 @@ pub use read::{
 };
 pub use resize::{resize, resize_depth};
 pub use sh::Sh9;
-pub use source::MAX_PIXELS;
 pub use tone::ToneCurve;
 pub use write::{
     JPEG_QUALITY, encode_exr, encode_photo, encode_png, encode_png_rgba, encode_rgba8, encode_srgb8, write_depth,

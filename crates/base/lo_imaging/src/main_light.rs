@@ -3,10 +3,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::{RadianceImage, luminance, resize_equirectangular};
 
-/// The light that gives the most power to a point.
+/// The light that contributes the most power at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MainLight {
-    /// Unit direction towards the light's centre of power, in the map's frame.
+    /// Unit direction towards the light's power-weighted centre, in the map's frame.
     pub direction: [f32; 3],
     /// Solid angle of the light, in steradians.
     pub solid_angle_sr: f32,
@@ -14,29 +14,30 @@ pub struct MainLight {
     pub radiance: [f32; 3],
     /// Irradiance on a surface that faces the light (∫ L cos θ dω), linear RGB.
     pub power: [f32; 3],
-    /// Share of the light's luminous power in ∫ L dω of the whole map, 0 to 1.
+    /// Share of the light in the luminous ∫ L dω of the whole map, from 0 to 1.
     pub share: f32,
 }
 
-/// A light is brighter than this many times the map's mean: a wall or a sky that fills half of the sphere is not one.
-const ABOVE_MEAN: f32 = 2.0;
+/// Least ratio of a light's luminance to the map's mean: a wall or a sky that fills half of the sphere is not a light.
+const MIN_MEAN_RATIO: f32 = 2.0;
 
-/// A light ends where its luminance falls below this share of its peak.
-const OF_PEAK: f32 = 1.0 / 3.0;
+/// Share of a light's peak luminance below which it ends.
+const MIN_PEAK_SHARE: f32 = 1.0 / 3.0;
 
-/// Width of the map in which lights are sought: 0.7° a pixel.
+/// Width of the downsampled map in which lights are detected: 0.7° a pixel.
 const WORKING_WIDTH: usize = 512;
 
-/// Pixels of the working map up to which parts belong together: bars of windows, meshes of lamps.
-const REACH: i64 = 2;
+/// Gap, in pixels of that map, up to which parts are joined: bars of windows, grilles of lamps.
+const MAX_GAP_PX: i64 = 2;
 
-/// Finds the light of the greatest power in an equirectangular map; `None` where nothing stands out.
+/// Finds the light of the greatest power in an equirectangular map; `None` if nothing stands out.
 ///
-/// Seeds and growing as Gardner et al. use to fit parametric lights ("Deep Parametric Indoor Lighting Estimation", ICCV
-/// 2019): from the brightest pixel a region grows over connected pixels down to a third of its peak; then the brightest of
-/// what is left, until no pixel is twice as bright as the mean. Here the map is first brought to 512 columns by solid angle,
-/// regions cross the seam, the poles and gaps of a degree, and the one with the greatest ∫ luminance dω is taken: a hot
-/// pixel is a region of its own with little power.
+/// Uses the seeds and region growing with which Gardner et al. fit parametric lights ("Deep Parametric Indoor Lighting
+/// Estimation", ICCV 2019). A region grows from the brightest pixel over connected pixels down to a third of its peak.
+/// The next one starts at the brightest remaining pixel, until none is twice as bright as the mean.
+///
+/// In addition, the map is first reduced to 512 columns by solid angle, and regions cross the seam, the poles and gaps
+/// of a degree. The region with the greatest ∫ luminance dω wins; an isolated hot pixel has little power.
 pub fn main_light(map: &RadianceImage) -> Option<MainLight> {
     if map.pixels().is_empty() {
         return None;
@@ -57,10 +58,10 @@ pub fn main_light(map: &RadianceImage) -> Option<MainLight> {
         .collect();
     let flux = |index: usize| f64::from(brightness[index] * solid_angle(index));
     let total: f64 = (0..brightness.len()).map(flux).sum();
-    let threshold = ABOVE_MEAN * (total / (4.0 * std::f64::consts::PI)) as f32;
+    let threshold = MIN_MEAN_RATIO * (total / (4.0 * std::f64::consts::PI)) as f32;
 
     let mut seeds: Vec<usize> = (0..brightness.len()).filter(|&i| brightness[i] > threshold).collect();
-    // brightest first, ties by place
+    // brightest first, ties by index
     seeds.sort_by(|&a, &b| brightness[b].total_cmp(&brightness[a]).then(a.cmp(&b)));
     let mut taken = vec![false; brightness.len()];
     let mut best: Option<(f64, Vec<usize>)> = None;
@@ -68,7 +69,7 @@ pub fn main_light(map: &RadianceImage) -> Option<MainLight> {
         if taken[seed] {
             continue;
         }
-        let floor = threshold.max(OF_PEAK * brightness[seed]);
+        let floor = threshold.max(MIN_PEAK_SHARE * brightness[seed]);
         let region = grow(seed, (width, height), &mut taken, |index| brightness[index] > floor);
         let power: f64 = region.iter().map(|&index| flux(index)).sum();
         if best.as_ref().is_none_or(|(greatest, _)| power > *greatest) {
@@ -79,7 +80,7 @@ pub fn main_light(map: &RadianceImage) -> Option<MainLight> {
     Some(describe(map, &region, (power / total) as f32, solid_angle, flux))
 }
 
-/// All pixels within [`REACH`] of one another from the seed on that are not taken and bright enough; marks them as taken.
+/// Grows a region from the seed over bright pixels within [`MAX_GAP_PX`] of one another; marks them as taken.
 fn grow(
     seed: usize,
     (width, height): (usize, usize),
@@ -93,17 +94,17 @@ fn grow(
     while let Some(&index) = region.get(next) {
         next += 1;
         let (x, y) = ((index % width) as i64, (index / width) as i64);
-        for dy in -REACH..=REACH {
-            // beyond a pole lies the opposite meridian
+        for dy in -MAX_GAP_PX..=MAX_GAP_PX {
+            // beyond a pole is the opposite meridian
             let (row, turn) = match y + dy {
                 row if row < 0 => (-1 - row, w / 2),
                 row if row >= h => (2 * h - 1 - row, w / 2),
                 row => (row, 0),
             };
             let row = row.clamp(0, h - 1);
-            // columns draw together towards the poles
+            // columns converge towards the poles
             let latitude = (0.5 - (row as f32 + 0.5) / height as f32) * std::f32::consts::PI;
-            let reach = ((REACH as f32 / latitude.cos()) as i64).min(w / 2);
+            let reach = ((MAX_GAP_PX as f32 / latitude.cos()) as i64).min(w / 2);
             for dx in -reach..=reach {
                 let neighbour = (row * w + (x + turn + dx).rem_euclid(w)) as usize;
                 if !taken[neighbour] && bright(neighbour) {
@@ -127,7 +128,7 @@ fn describe(
         |index: usize| pixel_direction(index % map.width(), index / map.width(), map.width(), map.height());
     let weighted = |&index: &usize| direction_of(index).as_dvec3() * flux(index);
     let centre = region.iter().map(weighted).reduce(|a, b| a + b).unwrap_or_default();
-    // a light all around has no centre: its brightest pixel, which came first, stands for it
+    // a light that surrounds the point has no centre: take its brightest pixel, which is the first
     let direction = centre.try_normalize().map_or_else(|| direction_of(region[0]), |d| d.as_vec3());
     let solid: f64 = region.iter().map(|&index| f64::from(solid_angle(index))).sum();
     let integral = |weight: &dyn Fn(Vec3) -> f32| {
@@ -155,7 +156,7 @@ mod tests {
     use super::*;
     use std::f32::consts::PI;
 
-    /// A room of radiance `room` with round lights: direction, angular radius, radiance.
+    /// Map of a room of radiance `room` with round lights: direction, angular radius, radiance.
     fn room(room: f32, lights: &[(Vec3, f32, [f32; 3])]) -> RadianceImage {
         RadianceImage::from_fn(1024, 512, |x, y| {
             let direction = pixel_direction(x, y, 1024, 512);
@@ -180,12 +181,12 @@ mod tests {
             let light = main_light(&room(0.2, &[(place, radius, radiance)])).unwrap();
             let angle = Vec3::from_array(light.direction).angle_between(place.normalize());
             assert!(angle < 3e-3, "{place}: {angle}");
-            // a cap: Ω = 2π (1 − cos r), irradiance π sin² r L. Pixels of the border count as a whole once a third of them is lit:
-            // up to 2/3 of a pixel of 0.7° more on 11.5°
+            // a cap: Ω = 2π (1 − cos r), irradiance π sin² r L. A border pixel counts as a whole once a third of it is
+            // lit: up to 2/3 of a pixel of 0.7° more on 11.5°
             let (solid_angle, factor) = (2.0 * PI * (1.0 - radius.cos()), PI * radius.sin().powi(2));
             let excess = light.solid_angle_sr / solid_angle - 1.0;
             assert!((-0.01..0.09).contains(&excess), "{place}: {excess}");
-            // at the poles the synthetic light itself grows to whole rows: 1.2 % in radius
+            // at the poles the synthetic light itself is rounded up to whole rows: 1.2 % in radius
             for (power, radiance) in light.power.into_iter().zip(radiance) {
                 assert!((power / (factor * radiance) - 1.0).abs() < 0.03, "{place}: {:?}", light.power);
             }
@@ -202,7 +203,7 @@ mod tests {
         let spark = (Vec3::NEG_X, 0.006, [1000.0; 3]);
         let light = main_light(&room(0.1, &[window, spark])).unwrap();
         assert!(Vec3::from_array(light.direction).angle_between(window.0) < 0.01);
-        // and the sun in it is the greater light: 4 % of the size, a thousand times the radiance
+        // the sun within the window has more power: 4 % of the size, a thousand times the radiance
         let sun = (Vec3::new(1.0, 0.3, 0.1), 0.08, [5000.0; 3]);
         let light = main_light(&room(0.1, &[sun, window, spark])).unwrap();
         assert!(Vec3::from_array(light.direction).angle_between(sun.0) < 0.01);

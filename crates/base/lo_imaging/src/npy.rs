@@ -2,13 +2,13 @@
 
 use std::io::{self, Write};
 
-use crate::samples::Samples;
-use crate::source::Source;
+use crate::encoded_image::EncodedImage;
+use crate::stored_depth::StoredDepth;
 use crate::{DepthMap, ImageError};
 
-pub(crate) fn decode(source: Source) -> Result<Samples, ImageError> {
-    let early = || source.invalid("the file ends in its header");
-    let rest = source.bytes.strip_prefix(b"\x93NUMPY").ok_or_else(|| source.invalid("no NumPy magic"))?;
+pub(crate) fn decode(source: EncodedImage) -> Result<StoredDepth, ImageError> {
+    let early = || source.invalid("truncated header");
+    let rest = source.bytes.strip_prefix(b"\x93NUMPY").ok_or_else(|| source.invalid("missing NumPy signature"))?;
     let (version, rest) = rest.split_at_checked(2).ok_or_else(early)?;
     let (length, rest) = if version[0] == 1 {
         let (bytes, rest) = rest.split_first_chunk::<2>().ok_or_else(early)?;
@@ -20,19 +20,19 @@ pub(crate) fn decode(source: Source) -> Result<Samples, ImageError> {
     let (header, data) = rest.split_at_checked(length).ok_or_else(early)?;
     let header = String::from_utf8_lossy(header);
 
-    let kind = value_of(&header, "descr").map(|v| v.trim_matches(['\'', '"'])).unwrap_or_default();
+    let descr = value_of(&header, "descr").map(|v| v.trim_matches(['\'', '"'])).unwrap_or_default();
     let fortran = value_of(&header, "fortran_order").unwrap_or_default() == "True";
     let shape = value_of(&header, "shape").unwrap_or_default();
     let sides: Vec<u64> = shape.trim_matches(['(', ')']).split(',').filter_map(|n| n.trim().parse().ok()).collect();
     let [height, width] = sides[..] else {
-        return Err(source.unsupported(format!("shape {}; depth needs two dimensions", clip(shape))));
+        return Err(source.unsupported(format!("shape {}; depth needs two dimensions (height, width)", clip(shape))));
     };
     source.check_size(width, height)?;
-    let (order, kind) = kind.split_at_checked(1).unwrap_or(("", kind));
+    let (order, kind) = descr.split_at_checked(1).unwrap_or(("", descr));
     let big = match order {
         "<" | "=" | "|" => false,
         ">" => true,
-        _ => return Err(source.invalid(format!("data type “{}”", clip(kind)))),
+        _ => return Err(source.invalid(format!("unknown data type “{}”", clip(descr)))),
     };
     let bytes: usize = match kind {
         "f2" | "u2" => 2,
@@ -42,7 +42,7 @@ pub(crate) fn decode(source: Source) -> Result<Samples, ImageError> {
     };
     let (width, height) = (width as usize, height as usize);
     let data = data.get(..width * height * bytes).ok_or_else(|| {
-        source.invalid(format!("{} bytes of data, {} are needed", data.len(), width * height * bytes))
+        source.invalid(format!("only {} of {} bytes of pixel data", data.len(), width * height * bytes))
     })?;
     let sample = |index: usize| {
         let mut raw = [0u8; 8];
@@ -59,10 +59,10 @@ pub(crate) fn decode(source: Source) -> Result<Samples, ImageError> {
         }
     };
     let values = DepthMap::from_fn(width, height, |x, y| sample(if fortran { x * height + y } else { y * width + x }));
-    Ok(Samples { values, integers: kind == "u2" })
+    Ok(StoredDepth { values, integers: kind == "u2" })
 }
 
-/// The text of a key's value in the header's Python dictionary: up to the comma, but a tuple as a whole.
+/// Returns the text of a key's value in the header's Python dictionary: up to the comma, or a whole tuple.
 fn value_of<'a>(header: &'a str, key: &str) -> Option<&'a str> {
     let after = [format!("'{key}'"), format!("\"{key}\"")].iter().find_map(|k| header.split_once(k.as_str()))?.1;
     let value = after.trim_start().strip_prefix(':')?.trim_start();
@@ -74,11 +74,11 @@ fn clip(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-/// Writes a float32 array `[height, width]`, version 1.
+/// Writes a float32 array `[height, width]`, format version 1.
 pub(crate) fn encode(depth: &DepthMap, out: &mut impl Write) -> io::Result<()> {
     let (height, width) = (depth.height(), depth.width());
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
-    // magic, version and length take 10 bytes; the data begins at a multiple of 64
+    // signature, version and length take 10 bytes; the data begins at a multiple of 64
     let padding = (63 - (header.len() + 10) % 64) % 64;
     header.extend(std::iter::repeat_n(' ', padding));
     header.push('\n');

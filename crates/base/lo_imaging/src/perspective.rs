@@ -1,4 +1,4 @@
-//! Between equirectangular maps and pinhole views.
+//! Conversion between equirectangular maps and pinhole views.
 
 use std::f32::consts::TAU;
 
@@ -7,16 +7,16 @@ use rayon::prelude::*;
 
 use crate::{Image, RadianceImage, sample_equirectangular};
 
-/// Most samples along a pixel's side where the source is finer than the result.
+/// Largest number of samples along a pixel's side, for a source finer than the result.
 const MAX_SAMPLES: usize = 8;
 
-/// Samples along a side of a new pixel that is `ratio` source pixels wide.
+/// Returns the number of samples along the side of a new pixel that is `ratio` source pixels wide.
 pub(crate) fn samples_per_side(ratio: f32) -> usize {
-    // the comparison also turns NaN into 1
+    // the comparison also maps NaN to 1
     if ratio > 1.0 { (ratio.ceil() as usize).min(MAX_SAMPLES) } else { 1 }
 }
 
-/// Makes an image whose pixel is the mean of `samples`² lookups at `(x, y)` in pixels, rows in parallel.
+/// Renders an image in parallel; each pixel is the mean of `samples`² lookups at `(x, y)` in pixels.
 pub(crate) fn render<const N: usize>(
     width: usize,
     height: usize,
@@ -39,13 +39,14 @@ pub(crate) fn render<const N: usize>(
     Image::new(width, height, (0..width * height).into_par_iter().map(pixel).collect())
 }
 
-/// Rotation `world_from_camera` of a view: first yaw to the right (from −Z towards +X), then pitch up, then roll clockwise
-/// as the viewer sees it, in radians.
+/// Returns the rotation `world_from_camera` of a view with the given angles in radians.
+///
+/// Applies yaw to the right (from −Z towards +X), then pitch upwards, then roll clockwise as seen by the viewer.
 pub fn view_rotation(yaw_rad: f32, pitch_rad: f32, roll_rad: f32) -> Mat3 {
     Mat3::from_rotation_y(-yaw_rad) * Mat3::from_rotation_x(pitch_rad) * Mat3::from_rotation_z(-roll_rad)
 }
 
-/// What `camera`, turned by `world_from_camera`, sees of an equirectangular map; averaged where the map is finer.
+/// Renders the view of a rotated camera from an equirectangular map; averages where the map is finer.
 pub fn perspective_from_equirectangular(
     map: &RadianceImage,
     camera: &Camera,
@@ -57,12 +58,12 @@ pub fn perspective_from_equirectangular(
     })
 }
 
-/// An equirectangular map of `width` × `height` that shows a view where the camera sees and nothing elsewhere.
+/// Projects a view onto an equirectangular map of `width` × `height`; pixels outside the view are 0.
 ///
-/// Radiance is premultiplied by the fourth component: the share of the pixel that the view covers.
+/// Radiance is premultiplied by the fourth component, the share of the pixel that the view covers.
 ///
 /// # Panics
-/// Where the image has not the camera's size.
+/// If the image does not have the camera's size.
 pub fn equirectangular_from_perspective(
     image: &RadianceImage,
     camera: &Camera,
@@ -71,9 +72,9 @@ pub fn equirectangular_from_perspective(
     height: usize,
 ) -> Image<[f32; 4]> {
     let size = (image.width() as u32, image.height() as u32);
-    assert_eq!(size, (camera.width, camera.height), "the camera must be that of the image");
+    assert_eq!(size, (camera.width, camera.height), "the image must have the camera's size");
     let camera_from_world = world_from_camera.transpose();
-    // the smallest pixels of a view lie at its corners; twice the middle's density covers views of up to 90°
+    // a view's smallest pixels are at its corners; twice the density of the centre covers views of up to 90°
     let samples = samples_per_side(2.0 * TAU / width as f32 / camera.pixel_angle_rad());
     render(width, height, samples, |x, y| {
         let direction = direction_from_uv((x / width as f32, y / height as f32).into());
@@ -85,7 +86,7 @@ pub fn equirectangular_from_perspective(
     })
 }
 
-/// Bilinear at `(x, y)` in pixels (centres at +0.5); beyond the border the border's pixels go on.
+/// Samples bilinearly at `(x, y)` in pixels (centres at +0.5); clamps to the border.
 pub(crate) fn sample_clamped(image: &RadianceImage, x: f32, y: f32) -> [f32; 3] {
     let axis = |position: f32, count: usize| {
         let position = (position - 0.5).clamp(0.0, (count - 1) as f32);
@@ -98,13 +99,13 @@ pub(crate) fn sample_clamped(image: &RadianceImage, x: f32, y: f32) -> [f32; 3] 
     mix(mix(image[(x0, y0)], image[(x1, y0)], fx), mix(image[(x0, y1)], image[(x1, y1)], fx), fy)
 }
 
-/// The direction as a colour: what projections can be checked with.
+/// A map of directions as colours, to test projections.
 #[cfg(test)]
 pub(crate) fn direction_map(width: usize, height: usize) -> RadianceImage {
     RadianceImage::from_fn(width, height, |x, y| lo_geometry::pixel_direction(x, y, width, height).to_array())
 }
 
-/// Largest angle in radians between the directions that pixels hold and the ones expected of them.
+/// Largest angle, in radians, between the directions stored in pixels and the expected ones.
 #[cfg(test)]
 pub(crate) fn worst_angle(image: &RadianceImage, expected: impl Fn(usize, usize) -> lo_geometry::Vec3) -> f32 {
     use lo_geometry::Vec3;

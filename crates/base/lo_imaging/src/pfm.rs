@@ -1,44 +1,46 @@
-//! Portable float maps: `PF` (RGB) or `Pf` (grey), size, scale whose sign tells the byte order, rows from the bottom
-//! (Paul Debevec, <http://www.pauldebevec.com/Research/HDR/PFM/>).
+//! Portable float maps (Paul Debevec, <http://www.pauldebevec.com/Research/HDR/PFM/>).
+//!
+//! `PF` (RGB) or `Pf` (grey), size, a scale whose sign gives the byte order, then rows from the bottom.
 
 use std::io::{self, Write};
 
-use crate::source::Source;
+use crate::encoded_image::EncodedImage;
 use crate::{DepthMap, ImageError, RadianceImage};
 
-/// The pixels of a PFM, rows from the top; the magnitude of the scale is ignored, as everywhere.
+/// The pixels of a PFM, rows from the top. The scale's magnitude is ignored, as by other readers.
 pub(crate) enum Pfm {
     Grey(DepthMap),
     Color(RadianceImage),
 }
 
-pub(crate) fn decode(source: Source) -> Result<Pfm, ImageError> {
+pub(crate) fn decode(source: EncodedImage) -> Result<Pfm, ImageError> {
     let mut rest = source.bytes;
     let mut word = || {
         let start = rest.iter().position(|b| !b.is_ascii_whitespace())?;
         let end = start + rest[start..].iter().position(|b| b.is_ascii_whitespace())?;
         let word = std::str::from_utf8(&rest[start..end]).ok()?;
-        // a single white space ends the header: pixels may begin with a byte that looks like one
+        // exactly one white space ends the header: the first pixel byte may look like another
         rest = &rest[end + 1..];
         Some(word)
     };
     let color = match word() {
         Some("PF") => true,
         Some("Pf") => false,
-        _ => return Err(source.invalid("the header begins with neither “PF” nor “Pf”")),
+        _ => return Err(source.invalid("the header starts with neither “PF” nor “Pf”")),
     };
     let mut size = |what: &str| {
-        word().and_then(|w| w.parse::<u32>().ok()).ok_or_else(|| source.invalid(format!("no valid {what}")))
+        let number = word().and_then(|w| w.parse::<u32>().ok());
+        number.ok_or_else(|| source.invalid(format!("missing or invalid {what}")))
     };
     let (width, height) = (size("width")?, size("height")?);
     let scale = word().and_then(|w| w.parse::<f32>().ok()).filter(|s| s.is_finite() && *s != 0.0);
-    let little_endian = scale.ok_or_else(|| source.invalid("no valid scale"))? < 0.0;
+    let little_endian = scale.ok_or_else(|| source.invalid("missing or invalid scale"))? < 0.0;
     source.check_size(width.into(), height.into())?;
 
     let (width, height) = (width as usize, height as usize);
     let row_bytes = width * if color { 12 } else { 4 };
     if rest.len() < row_bytes * height {
-        return Err(source.invalid(format!("{} bytes of pixels, {} are needed", rest.len(), row_bytes * height)));
+        return Err(source.invalid(format!("only {} of {} bytes of pixel data", rest.len(), row_bytes * height)));
     }
     let float = |bytes: [u8; 4]| if little_endian { f32::from_le_bytes(bytes) } else { f32::from_be_bytes(bytes) };
     let rows = rest[..row_bytes * height].chunks_exact(row_bytes).rev();

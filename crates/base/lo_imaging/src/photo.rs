@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use crate::color::linear_from_srgb8;
 use crate::{Image, RadianceImage};
 
-/// The pixels of a photo as they came: 8-bit pictures stay 8-bit, so that what is not changed can be written back bit by bit.
+/// The pixels of a photo as stored: 8-bit images stay 8-bit, so that unchanged pixels can be written back exactly.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Photo {
     /// 8-bit sRGB (IEC 61966-2-1), EXIF orientation applied.
@@ -29,10 +29,10 @@ impl Photo {
         }
     }
 
-    /// Linear radiance of the pixel in this column and row.
+    /// Returns the linear radiance of a pixel, given its column and row.
     ///
     /// # Panics
-    /// Outside of the photo.
+    /// If the pixel is outside the photo.
     pub fn linear_at(&self, pixel: (usize, usize)) -> [f32; 3] {
         match self {
             Self::Srgb8(image) => image[pixel].map(linear_from_srgb8),
@@ -40,7 +40,7 @@ impl Photo {
         }
     }
 
-    /// Linear radiance; 1.0 is sRGB 255.
+    /// Converts the photo to linear radiance; 1.0 is sRGB 255.
     pub fn radiance(&self) -> RadianceImage {
         match self {
             Self::Srgb8(image) => radiance_from_srgb8(image),
@@ -48,7 +48,7 @@ impl Photo {
         }
     }
 
-    /// As [`Photo::radiance`], without a copy where the photo is linear already.
+    /// Like [`Photo::radiance`], without a copy if the photo is already linear.
     pub fn into_radiance(self) -> RadianceImage {
         match self {
             Self::Srgb8(image) => radiance_from_srgb8(&image),

@@ -1,25 +1,26 @@
-//! Photos and depth maps at other resolutions.
+//! Resizing of photos and depth maps.
 
 use rayon::prelude::*;
 
 use crate::{DepthMap, Image, RadianceImage};
 
-/// Depths of one surface differ by less than this share between neighbours.
+/// Largest relative difference of depth between neighbouring samples of one surface.
 const SAME_SURFACE: f32 = 0.05;
 
-/// Resizes a picture: each new pixel is the mean over its footprint (a box with exact edge weights); an axis that grows is
-/// interpolated (bilinear).
+/// Resizes an image: each new pixel is the mean over its footprint (a box filter with exact edge weights). An enlarged
+/// axis is interpolated linearly.
 ///
 /// # Panics
-/// Where either size has no pixels.
+/// If either size has no pixels.
 pub fn resize(image: &RadianceImage, width: usize, height: usize) -> RadianceImage {
     assert!(!image.pixels().is_empty() && width > 0 && height > 0, "an image without pixels cannot be resized");
     let clamp = |index: i64, count: i64| index.clamp(0, count - 1);
     weighted(image, &weights(image.width(), width, |e| e, clamp), &weights(image.height(), height, |e| e, clamp))
 }
 
-/// For each new index of an axis the old indices with weights that sum to 1. `measure` is the axis' measure from its start
-/// to an edge in `[0, 1]`; `wrap` brings neighbours beyond the ends back.
+/// Returns, for each new index of an axis, the old indices with weights that sum to 1.
+///
+/// `measure` is the axis' measure from its start to an edge in `[0, 1]`; `wrap` maps neighbours beyond the ends back.
 pub(crate) fn weights(
     old: usize,
     new: usize,
@@ -46,7 +47,7 @@ pub(crate) fn weights(
     (0..new).map(|index| if new > old { interpolated(index) } else { covered(index) }).collect()
 }
 
-/// Sums rows, then columns, by their weights; sums in f64.
+/// Sums rows, then columns, by their weights, in f64.
 pub(crate) fn weighted(
     image: &RadianceImage,
     columns: &[Vec<(usize, f64)>],
@@ -72,12 +73,13 @@ pub(crate) fn weighted(
 
 /// Resizes depth without mixing surfaces; holes stay holes.
 ///
-/// * Growing: bilinear where the four neighbours are readings within 5 %, else the nearest sample (which may be a hole).
-/// * Shrinking: of the readings under the new pixel the largest group without a step of 5 % (the nearer one of equals) gives
-///   its median; a hole where more than half of the samples are holes. The largest, not the foremost: outlines keep their place.
+/// * Enlarging: bilinear if the four neighbours are readings within 5 %, else the nearest sample (which may be a hole).
+/// * Shrinking: the median of the largest group of readings under the new pixel without a step of 5 %, the nearer one
+///   of equals. A hole if more than half of the samples are holes. The largest group, not the foremost, keeps outlines
+///   in place.
 ///
 /// # Panics
-/// Where either size has no pixels.
+/// If either size has no pixels.
 pub fn resize_depth(depth_m: &DepthMap, width: usize, height: usize) -> DepthMap {
     assert!(!depth_m.pixels().is_empty() && width > 0 && height > 0, "a map without pixels cannot be resized");
     if (width, height) == (depth_m.width(), depth_m.height()) {
@@ -87,7 +89,7 @@ pub fn resize_depth(depth_m: &DepthMap, width: usize, height: usize) -> DepthMap
     let pixel = |index: usize| {
         let (x, y) = (index % width, index / width);
         if sx > 1.0 || sy > 1.0 {
-            // samples whose centres lie under the pixel; at least the one in its middle
+            // samples whose centres are under the pixel; at least the one at its centre
             let span = |i: usize, scale: f64, count: usize| {
                 let (start, end) = (i as f64 * scale, (i + 1) as f64 * scale);
                 let (first, last) = ((start + 0.5).floor() as usize, (end + 0.5).floor() as usize);
@@ -106,7 +108,7 @@ fn middle(start: f64, end: f64, count: usize) -> std::ops::Range<usize> {
     index..index + 1
 }
 
-/// Median of the largest group of readings in a rectangle of samples.
+/// Returns the median of the largest group of readings in a rectangle of samples; 0 if most are holes.
 fn main_surface(depth_m: &DepthMap, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) -> f32 {
     let samples = columns.len() * rows.len();
     let mut readings: Vec<f32> =
@@ -124,7 +126,7 @@ fn main_surface(depth_m: &DepthMap, columns: std::ops::Range<usize>, rows: std::
     largest[(largest.len() - 1) / 2]
 }
 
-/// Bilinear between samples of one surface at sample position `(x, y)`; else the nearest sample.
+/// Interpolates bilinearly between samples of one surface at sample position `(x, y)`, else takes the nearest sample.
 fn interpolate(depth_m: &DepthMap, x: f64, y: f64) -> f32 {
     let axis = |position: f64, count: usize| {
         let position = position.clamp(0.0, (count - 1) as f64);
@@ -162,7 +164,7 @@ mod tests {
         let row = RadianceImage::new(3, 1, vec![[3.0; 3], [6.0; 3], [0.0; 3]]);
         let two = resize(&row, 2, 1);
         assert!((two[(0, 0)][0] - 4.0).abs() < 1e-6 && (two[(1, 0)][0] - 2.0).abs() < 1e-6);
-        // growing interpolates and stays at the borders
+        // enlarging interpolates and clamps at the borders
         let four: Vec<f32> =
             resize(&RadianceImage::new(2, 1, vec![[0.0; 3], [4.0; 3]]), 4, 1).pixels().iter().map(|p| p[0]).collect();
         assert_eq!(four, [0.0, 1.0, 3.0, 4.0]);
@@ -170,7 +172,7 @@ mod tests {
 
     #[test]
     fn depth_is_never_mixed_across_an_edge() {
-        // a plane that recedes slowly before a far wall, with a hole
+        // a slowly receding plane in front of a far wall, with a hole
         let depth = DepthMap::from_fn(40, 30, |x, y| match (x, y) {
             (5..8, 5..8) => 0.0,
             (0..20, _) => 1.0 + x as f32 * 0.01,
@@ -195,7 +197,7 @@ mod tests {
     fn shrinking_takes_the_larger_surface_and_keeps_large_holes() {
         let depth = DepthMap::new(4, 2, vec![1.0, 3.0, 0.0, 0.0, 3.0, 3.1, 0.0, 2.0]);
         assert_eq!(resize_depth(&depth, 2, 1).pixels(), [3.0, 0.0]);
-        // of equal groups the nearer
+        // the nearer of equal groups
         assert_eq!(resize_depth(&DepthMap::new(2, 1, vec![2.0, 1.0]), 1, 1).pixels(), [1.0]);
     }
 }

@@ -2,20 +2,20 @@
 
 use std::io::{self, Write};
 
+use crate::encoded_image::EncodedImage;
 use crate::generator::printable;
-use crate::source::Source;
 use crate::{ImageError, RadianceImage};
 
-/// Reads any Radiance RGBE picture.
+/// Decodes any Radiance RGBE image.
 ///
-/// * Header: variable lines in any order; further `#?` lines and comments are skipped. `EXPOSURE` and `COLORCORR` are
-///   undone (the format says that pixels were multiplied by them; several of each multiply). `PRIMARIES`, `GAMMA`,
-///   `VIEW`, `SOFTWARE` … do not change pixels: Photoshop writes `PRIMARIES=0 …` and `GAMMA=1`.
-/// * `FORMAT` may be missing; `32-bit_rle_xyze` is refused.
-/// * Scan lines: flat, old run-length code (1 1 1 n) and new (2 2 hi lo), also mixed.
+/// * Header: variables in any order; further `#?` lines and comments are skipped. `EXPOSURE` and `COLORCORR` are
+///   undone, since pixels were multiplied by them; repeated ones multiply. `PRIMARIES`, `GAMMA`, `VIEW`, `SOFTWARE` …
+///   are ignored: Photoshop writes `PRIMARIES=0 …` and `GAMMA=1`.
+/// * `FORMAT` may be missing; `32-bit_rle_xyze` is unsupported.
+/// * Scan lines: flat, old run-length encoding (1 1 1 n) and new (2 2 hi lo), also mixed.
 /// * All eight axis orders of the resolution line.
-/// * A pixel is mantissa / 256 · 2^(exponent − 128), as stb, OpenCV and `imageio` read it (Radiance itself adds half a step).
-pub(crate) fn decode(source: Source) -> Result<RadianceImage, ImageError> {
+/// * A pixel is mantissa / 256 · 2^(exponent − 128), as in stb, OpenCV and `imageio`; Radiance itself adds half a step.
+pub(crate) fn decode(source: EncodedImage) -> Result<RadianceImage, ImageError> {
     let (header, mut rest) = read_header(source)?;
     let Header { lines, length, gain, axes } = header;
     let (width, height) = if axes.x_is_slow { (lines, length) } else { (length, lines) };
@@ -44,23 +44,23 @@ struct Header {
     lines: usize,
     /// Pixels of a scan line.
     length: usize,
-    /// What undoes exposure and colour correction.
+    /// Factors that undo exposure and colour correction.
     gain: [f32; 3],
     axes: Axes,
 }
 
-/// How scan lines lie in the picture; "descends" is meant in our order (x to the right, y downwards).
+/// Order of scan lines and their pixels in the image; "descends" refers to our order (x to the right, y downwards).
 struct Axes {
     x_is_slow: bool,
     slow_descends: bool,
     fast_descends: bool,
 }
 
-fn read_header(source: Source<'_>) -> Result<(Header, &[u8]), ImageError> {
+fn read_header(source: EncodedImage<'_>) -> Result<(Header, &[u8]), ImageError> {
     let mut rest = source.bytes;
     let mut gain = [1.0f64; 3];
     loop {
-        let line = next_line(&mut rest).ok_or_else(|| source.invalid("the header has no end"))?;
+        let line = next_line(&mut rest).ok_or_else(|| source.invalid("the header is not terminated"))?;
         let line = line.trim();
         if line.is_empty() {
             break;
@@ -74,10 +74,10 @@ fn read_header(source: Source<'_>) -> Result<(Header, &[u8]), ImageError> {
                 let factors = match (key, numbers.as_slice()) {
                     ("EXPOSURE", [e]) => [*e; 3],
                     ("COLORCORR", [r, g, b]) => [*r, *g, *b],
-                    _ => return Err(source.invalid(format!("{key}={value} is not what the format allows"))),
+                    _ => return Err(source.invalid(format!("invalid header line {key}={value}"))),
                 };
                 if !factors.iter().all(|f| f.is_finite() && *f > 0.0) {
-                    return Err(source.invalid(format!("{key}={value} must be positive")));
+                    return Err(source.invalid(format!("header line {key}={value} must be positive")));
                 }
                 for (g, f) in gain.iter_mut().zip(factors) {
                     *g /= f;
@@ -86,8 +86,9 @@ fn read_header(source: Source<'_>) -> Result<(Header, &[u8]), ImageError> {
             _ => {}
         }
     }
-    let line = next_line(&mut rest).ok_or_else(|| source.invalid("no resolution line"))?;
-    let bad = || source.invalid(format!("resolution line “{}”", line.trim().chars().take(40).collect::<String>()));
+    let line = next_line(&mut rest).ok_or_else(|| source.invalid("missing resolution line"))?;
+    let clipped: String = line.trim().chars().take(40).collect();
+    let bad = || source.invalid(format!("invalid resolution line “{clipped}”"));
     let mut words = line.split_whitespace();
     let mut axis = || {
         let (sign, name) = words.next()?.split_at_checked(1)?;
@@ -107,7 +108,7 @@ fn read_header(source: Source<'_>) -> Result<(Header, &[u8]), ImageError> {
     Ok((Header { lines, length, gain: gain.map(|g| g as f32), axes }, rest))
 }
 
-/// The next line without its end; `None` where no line end follows (a file cut off).
+/// Returns the next line without its end; `None` if no line end follows (a truncated file).
 fn next_line<'a>(rest: &mut &'a [u8]) -> Option<std::borrow::Cow<'a, str>> {
     let end = rest.iter().position(|&b| b == b'\n')?;
     let line = String::from_utf8_lossy(&rest[..end]);
@@ -115,7 +116,7 @@ fn next_line<'a>(rest: &mut &'a [u8]) -> Option<std::borrow::Cow<'a, str>> {
     Some(line)
 }
 
-/// Fills `scanline` from the front of `rest`.
+/// Decodes a scan line from the front of `rest`.
 fn read_scanline(rest: &mut &[u8], scanline: &mut [[u8; 4]]) -> Result<(), &'static str> {
     let length = scanline.len();
     let new_rle = (8..0x8000).contains(&length)
@@ -127,14 +128,14 @@ fn read_scanline(rest: &mut &[u8], scanline: &mut [[u8; 4]]) -> Result<(), &'sta
     for component in 0..4 {
         let mut x = 0;
         while x < length {
-            let (&code, tail) = rest.split_first().ok_or("the file ends early")?;
+            let (&code, tail) = rest.split_first().ok_or("unexpected end of file")?;
             let run = code > 128;
             let count = usize::from(if run { code - 128 } else { code });
             if count == 0 || x + count > length {
-                return Err("a run is longer than the scan line");
+                return Err("a run is empty or longer than the scan line");
             }
             let used = if run { 1 } else { count };
-            let (values, tail) = tail.split_at_checked(used).ok_or("the file ends early")?;
+            let (values, tail) = tail.split_at_checked(used).ok_or("unexpected end of file")?;
             for (i, pixel) in scanline[x..x + count].iter_mut().enumerate() {
                 pixel[component] = values[if run { 0 } else { i }];
             }
@@ -145,15 +146,16 @@ fn read_scanline(rest: &mut &[u8], scanline: &mut [[u8; 4]]) -> Result<(), &'sta
     Ok(())
 }
 
-/// Flat pixels, in which (1, 1, 1, n) repeats the pixel before; repeats in a row are digits of base 256.
+/// Decodes flat pixels, in which (1, 1, 1, n) repeats the previous pixel; consecutive repeats are digits of base 256.
 fn read_old_scanline(rest: &mut &[u8], scanline: &mut [[u8; 4]]) -> Result<(), &'static str> {
     let (mut x, mut shift) = (0usize, 0u32);
     while x < scanline.len() {
-        let (&pixel, tail) = rest.split_first_chunk::<4>().ok_or("the file ends early")?;
+        let (&pixel, tail) = rest.split_first_chunk::<4>().ok_or("unexpected end of file")?;
         *rest = tail;
         if let [1, 1, 1, n] = pixel {
             let count = usize::from(n).checked_shl(shift).filter(|_| shift < 32).ok_or("a repeat is too long")?;
-            let previous = *x.checked_sub(1).and_then(|x| scanline.get(x)).ok_or("a repeat has nothing to repeat")?;
+            let previous =
+                *x.checked_sub(1).and_then(|x| scanline.get(x)).ok_or("a repeat without a previous pixel")?;
             let end = x.checked_add(count).filter(|&end| end <= scanline.len());
             scanline[x..end.ok_or("a repeat is longer than the scan line")?].fill(previous);
             x += count;
@@ -167,10 +169,10 @@ fn read_old_scanline(rest: &mut &[u8], scanline: &mut [[u8; 4]]) -> Result<(), &
     Ok(())
 }
 
-/// Writes new-style run-length code (flat where the format allows no other: widths below 8 and from 32768).
+/// Writes new-style run-length encoding; flat pixels for widths below 8 and from 32768, where the format requires it.
 ///
-/// RGBE knows neither sign nor NaN: negative values and NaN become 0, +∞ and values beyond 1.7e38 the largest value.
-/// The three channels share an exponent: each keeps an error of up to 1/256 of the greatest.
+/// RGBE has neither sign nor NaN: negative values and NaN become 0, +∞ and values beyond 1.7e38 the largest value. The
+/// three channels share an exponent: each has an error of up to 1/256 of the greatest.
 pub(crate) fn encode(image: &RadianceImage, generator: &str, out: &mut impl Write) -> io::Result<()> {
     let (width, height) = (image.width(), image.height());
     write!(out, "#?RADIANCE\nSOFTWARE={}\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n", printable(generator))?;
@@ -193,7 +195,7 @@ pub(crate) fn encode(image: &RadianceImage, generator: &str, out: &mut impl Writ
 }
 
 fn encode_runs(values: &[u8], out: &mut Vec<u8>) {
-    // a run of fewer than 4 costs as much as it saves
+    // a run of fewer than 4 saves nothing
     let run_at = |x: usize| values[x..].iter().take(127).take_while(|&&v| v == values[x]).count();
     let mut x = 0;
     while x < values.len() {
@@ -219,7 +221,7 @@ fn rgbe_from_rgb(rgb: [f32; 3]) -> [u8; 4] {
     if greatest < 1e-38 {
         return [0; 4];
     }
-    // exponent with greatest = m · 2^exponent, m in [0.5, 1), from the bits: exact where log2 might round
+    // exponent with greatest = m · 2^exponent, m in [0.5, 1), from the bits, since log2 may round
     let mut exponent = (greatest.to_bits() >> 23) as i32 - 126;
     let mut scale = (8.0 - f64::from(exponent)).exp2();
     if (f64::from(greatest) * scale).round() > 255.0 {
@@ -227,7 +229,7 @@ fn rgbe_from_rgb(rgb: [f32; 3]) -> [u8; 4] {
         scale *= 0.5;
     }
     if exponent > 127 {
-        // rounding up would leave the format
+        // rounding up would exceed the format's range
         (exponent, scale) = (127, scale * 2.0);
     }
     let byte = |v: f32| (f64::from(v) * scale).round().min(255.0) as u8;
@@ -241,7 +243,7 @@ mod tests {
     use crate::Format;
 
     fn read(bytes: &[u8]) -> Result<RadianceImage, ImageError> {
-        decode(Source { bytes, name: "test.hdr", format: Format::Hdr })
+        decode(EncodedImage { bytes, name: "test.hdr", format: Format::Hdr })
     }
 
     fn file(header: &str, data: &[u8]) -> Vec<u8> {
@@ -268,7 +270,7 @@ mod tests {
         for bad in [[[1, 1, 1, 2], A, A], [A, A, [1, 1, 1, 3]], [A, [1, 1, 1, 0], [1, 1, 1, 255]]] {
             assert!(read(&file(header, bad.as_flattened())).is_err());
         }
-        // five markers in a row shift beyond 32 bits
+        // five repeats in a row shift beyond 32 bits
         let endless = [A, [1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 1]];
         assert!(read(&file(header, endless.as_flattened())).is_err());
     }
@@ -307,7 +309,7 @@ mod tests {
             ("#?RADIANCE\n\n-Y 1 +Y 1\n", "resolution"),
             ("#?RADIANCE\n\n-Y -1 +X 1\n", "resolution"),
             ("#?RADIANCE\n\nhello\n", "resolution"),
-            ("#?RADIANCE\nFORMAT=", "no end"),
+            ("#?RADIANCE\nFORMAT=", "not terminated"),
         ] {
             let error = read(&file(header, &A)).unwrap_err().to_string();
             assert!(error.contains(says), "{error}");
@@ -316,7 +318,7 @@ mod tests {
 
     #[test]
     fn all_axis_orders() {
-        // the picture A B over B B, as each order stores it
+        // the image A B over B B, as each order stores it
         let orders = [
             ("-Y 2 +X 2", [A, B, B, B]),
             ("-Y 2 -X 2", [B, A, B, B]),

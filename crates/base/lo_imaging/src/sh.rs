@@ -6,9 +6,9 @@ use crate::RadianceImage;
 
 /// Radiance over the sphere as nine real spherical harmonics per channel.
 ///
-/// Convention of Ramamoorthi and Hanrahan, "An Efficient Representation for Irradiance Environment Maps" (2001), eq. 3,
-/// without the Condon–Shortley sign, with their x, y, z the axes of our world frame. Order: Y₀₀, Y₁₋₁ (y), Y₁₀ (z),
-/// Y₁₁ (x), Y₂₋₂ (xy), Y₂₋₁ (yz), Y₂₀ (3z² − 1), Y₂₁ (xz), Y₂₂ (x² − y²).
+/// Uses the convention of Ramamoorthi and Hanrahan, "An Efficient Representation for Irradiance Environment Maps"
+/// (2001), eq. 3, without the Condon–Shortley sign. Their x, y, z are the axes of our world frame. Order: Y₀₀, Y₁₋₁
+/// (y), Y₁₀ (z), Y₁₁ (x), Y₂₋₂ (xy), Y₂₋₁ (yz), Y₂₀ (3z² − 1), Y₂₁ (xz), Y₂₂ (x² − y²).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sh9 {
     /// `L_lm` as linear RGB, in the order above.
@@ -22,7 +22,7 @@ const Y: [f32; 5] = [0.282_094_8, 0.488_602_5, 1.092_548_4, 0.315_391_57, 0.546_
 const COSINE: [f32; 3] = [std::f32::consts::PI, 2.0 * std::f32::consts::PI / 3.0, std::f32::consts::FRAC_PI_4];
 
 impl Sh9 {
-    /// Projects an equirectangular map: `L_lm = ∫ L(ω) Y_lm(ω) dω`, by the solid angle of each pixel.
+    /// Projects an equirectangular map: `L_lm = ∫ L(ω) Y_lm(ω) dω`, weighted by each pixel's solid angle.
     pub fn project(map: &RadianceImage) -> Self {
         let (width, height) = (map.width(), map.height());
         let row_sum = |y: usize| {
@@ -49,14 +49,14 @@ impl Sh9 {
         Self { coefficients: total.map(|rgb| rgb.map(|v| v as f32)) }
     }
 
-    /// Radiance from a unit direction, as far as nine coefficients tell; may be negative.
+    /// Reconstructs the radiance from a unit direction, band-limited to nine coefficients; may be negative.
     pub fn radiance(&self, direction: Vec3) -> [f32; 3] {
         self.sum(basis(direction))
     }
 
     /// Irradiance on a surface with unit normal `normal`: `E = Σ A_l L_lm Y_lm(n)` (eq. 7), in radiance · sr.
     ///
-    /// Within about 3 % of the truth for natural light (their section 2); a diffuse surface of albedo ρ leaves with ρ E / π.
+    /// Accurate to about 3 % for natural light (their section 2). A diffuse surface of albedo ρ has radiance ρ E / π.
     pub fn irradiance(&self, normal: Vec3) -> [f32; 3] {
         let mut basis = basis(normal);
         for (lm, value) in basis.iter_mut().enumerate() {
@@ -121,14 +121,14 @@ mod tests {
             assert!((sh.irradiance(normal)[0] - 2.0 * PI).abs() < 1e-3);
             assert!((sh.radiance(normal)[1] - 2.0).abs() < 1e-3);
         }
-        // L = 1 + cos θ about an axis: the cosine's irradiance is 2π/3 cos θ, exactly within the nine
+        // L = 1 + cos θ about an axis: the cosine's irradiance is 2π/3 cos θ, exact with nine coefficients
         let axis = Vec3::new(0.6, -0.64, 0.48);
         let sh = Sh9::project(&map(|d| 1.0 + d.dot(axis)));
         for normal in fibonacci_sphere(50) {
             let expected = PI + 2.0 * PI / 3.0 * normal.dot(axis);
             assert!((sh.irradiance(normal)[2] - expected).abs() < 2e-3, "{normal}");
         }
-        // L = max(0, cos θ)², looked at head on: E = 2π ∫ cos³ θ sin θ dθ = π/2; nine coefficients end within 4 % of it
+        // L = max(0, cos θ)², head on: E = 2π ∫ cos³ θ sin θ dθ = π/2; nine coefficients are within 4 % of it
         let sh = Sh9::project(&map(|d| d.y.max(0.0).powi(2)));
         let head_on = sh.irradiance(Vec3::Y)[0];
         assert!((head_on / (PI / 2.0) - 1.0).abs() < 0.04, "{head_on}");

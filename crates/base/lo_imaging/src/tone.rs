@@ -4,17 +4,18 @@ use serde::{Deserialize, Serialize};
 use crate::color::{luminance, srgb8_from_linear};
 use crate::{Image, RadianceImage};
 
-/// Curves from radiance to what a screen shows.
+/// Tone curves from radiance to display light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ToneCurve {
-    /// Linear up to 1, clipped there: a photo comes out as it went in.
+    /// Linear up to 1 and clipped there: a photo is unchanged.
     #[default]
     Clip,
     /// Reinhard et al. 2002, eq. 4, on luminance: `L (1 + L / W²) / (1 + L)` with white point W = 4.
     Reinhard,
     /// The fit to the ACES filmic curve by Krzysztof Narkowicz (2016),
-    /// <https://knarkowicz.wordpress.com/2016/01/06/aces-filmic-tone-mapping-curve/>, per channel, without its 0.6 pre-exposure.
+    /// <https://knarkowicz.wordpress.com/2016/01/06/aces-filmic-tone-mapping-curve/>, per channel, without its 0.6
+    /// pre-exposure.
     Aces,
 }
 
@@ -22,7 +23,8 @@ pub enum ToneCurve {
 const REINHARD_WHITE: f32 = 4.0;
 
 impl ToneCurve {
-    /// Display light in `[0, 1]` (linear, before the sRGB curve) of linear radiance. NaN and negative values become 0.
+    /// Converts linear radiance to display light in `[0, 1]` (linear, before the sRGB curve). NaN and negative values
+    /// become 0.
     pub fn apply(self, rgb: [f32; 3]) -> [f32; 3] {
         let rgb = rgb.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, f32::MAX.sqrt()) });
         let mapped = match self {
@@ -32,13 +34,13 @@ impl ToneCurve {
                 let scale = (1.0 + l / (REINHARD_WHITE * REINHARD_WHITE)) / (1.0 + l);
                 rgb.map(|v| v * scale)
             }
-            // the ratio goes to a/c; the powers of f32 end before, so huge values are held below
+            // the ratio tends to 2.51 / 2.43; values are clamped so that their squares stay finite in f32
             Self::Aces => rgb.map(|v| v.min(1e6)).map(|v| (v * (2.51 * v + 0.03)) / (v * (2.43 * v + 0.59) + 0.14)),
         };
         mapped.map(|v| v.min(1.0))
     }
 
-    /// An 8-bit sRGB picture of radiance times 2^`exposure_ev`.
+    /// Converts radiance times 2^`exposure_ev` to an 8-bit sRGB image.
     pub fn map(self, image: &RadianceImage, exposure_ev: f32) -> Image<[u8; 3]> {
         let gain = exposure_ev.exp2();
         let pixel = |rgb: &[f32; 3]| self.apply(rgb.map(|v| v * gain)).map(srgb8_from_linear);
@@ -64,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn curves_rise_and_swallow_anything() {
+    fn curves_are_monotonic_and_accept_any_value() {
         for curve in [ToneCurve::Clip, ToneCurve::Reinhard, ToneCurve::Aces] {
             let mut last = 0.0;
             for step in -40..128 {

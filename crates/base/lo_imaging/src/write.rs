@@ -11,12 +11,15 @@ use crate::exr_write::{self, ChannelGroup, ExrOptions};
 use crate::generator::{mark_jpeg, mark_png};
 use crate::{DepthMap, Format, Image, ImageError, Photo, RadianceImage, ToneCurve, depth, pfm, rgbe};
 
-/// JPEG quality where nothing else is said: no visible loss.
+/// Default JPEG quality: no visible loss.
 pub const JPEG_QUALITY: u8 = 95;
 
-/// Writes linear radiance as `.exr`, `.hdr` or `.pfm`. `options` count for EXR; the others keep pixels alone.
+/// Writes linear radiance as `.exr`, `.hdr` or `.pfm`. `options` apply to EXR; `.hdr` stores only the generator.
 ///
-/// `.hdr` holds neither negative values nor NaN (both become 0) and rounds to 1/256 of a pixel's greatest channel.
+/// `.hdr` stores neither negative values nor NaN (both become 0) and rounds to 1/256 of a pixel's greatest channel.
+///
+/// # Errors
+/// [`ImageError`] for another extension, an empty image, invalid options and I/O errors.
 pub fn write_radiance(path: impl AsRef<Path>, image: &RadianceImage, options: &ExrOptions) -> Result<(), ImageError> {
     let path = path.as_ref();
     match Format::from_extension(path) {
@@ -36,26 +39,26 @@ pub fn write_radiance(path: impl AsRef<Path>, image: &RadianceImage, options: &E
     }
 }
 
-/// Writes any set of layers as OpenEXR (32-bit float, or half): `(width, height)` in pixels, each channel of that size.
+/// Writes layers as OpenEXR (32-bit float, or half). Every channel has `(width, height)` pixels.
 pub fn write_exr(
     path: impl AsRef<Path>,
     (width, height): (usize, usize),
     groups: &[ChannelGroup],
     options: &ExrOptions,
 ) -> Result<(), ImageError> {
-    exr(path.as_ref(), (width, height), groups, |path| {
+    checked_exr(path.as_ref(), (width, height), groups, |path| {
         atomically(path, |out| exr_write::encode((width, height), groups, options, out))
     })
 }
 
-/// The bytes that [`write_exr`] writes; `name` appears in errors.
+/// Like [`write_exr`], to memory; `name` appears in errors.
 pub fn encode_exr(
     name: impl AsRef<Path>,
     (width, height): (usize, usize),
     groups: &[ChannelGroup],
     options: &ExrOptions,
 ) -> Result<Vec<u8>, ImageError> {
-    exr(name.as_ref(), (width, height), groups, |path| {
+    checked_exr(name.as_ref(), (width, height), groups, |path| {
         let mut bytes = Cursor::new(Vec::new());
         exr_write::encode((width, height), groups, options, &mut bytes)
             .map_err(|source| ImageError::Io { path: path.to_owned(), source })?;
@@ -63,8 +66,8 @@ pub fn encode_exr(
     })
 }
 
-/// Checks what `write` is to write, and names what it refuses.
-fn exr<T>(
+/// Checks for an empty image and converts errors of the encoder.
+fn checked_exr<T>(
     path: &Path,
     (width, height): (usize, usize),
     groups: &[ChannelGroup],
@@ -72,7 +75,7 @@ fn exr<T>(
 ) -> Result<T, ImageError> {
     let refused = |reason: String| ImageError::Encode { path: path.to_owned(), format: Format::Exr, reason };
     if width == 0 || height == 0 || groups.iter().all(|g| g.channels.is_empty()) {
-        return Err(refused("it has no pixels or no channels".to_owned()));
+        return Err(refused("the image has no pixels or no channels".to_owned()));
     }
     write(path).map_err(|error| match error {
         ImageError::Io { source, .. } if source.kind() == io::ErrorKind::InvalidInput => refused(source.to_string()),
@@ -80,7 +83,10 @@ fn exr<T>(
     })
 }
 
-/// Writes a photo, and in it `generator`, the name of the writing program (PFM has no place for it): 8-bit as PNG or JPEG bit for bit (JPEG: [`JPEG_QUALITY`]); linear as 16-bit sRGB PNG, JPEG, or as radiance.
+/// Writes a photo with the name of the writing program, `generator` (not in PFM).
+///
+/// 8-bit photos become PNG (lossless) or JPEG ([`JPEG_QUALITY`]). Linear photos become 16-bit sRGB PNG or JPEG. Both
+/// can also be written as radiance: EXR, HDR or PFM.
 pub fn write_photo(path: impl AsRef<Path>, photo: &Photo, generator: &str) -> Result<(), ImageError> {
     let path = path.as_ref();
     match Format::from_extension(path) {
@@ -90,7 +96,7 @@ pub fn write_photo(path: impl AsRef<Path>, photo: &Photo, generator: &str) -> Re
     }
 }
 
-/// The bytes of the PNG or JPEG that [`write_photo`] writes as a file of this name.
+/// Encodes a photo as the PNG or JPEG that [`write_photo`] writes under this name.
 pub fn encode_photo(name: impl AsRef<Path>, photo: &Photo, generator: &str) -> Result<Vec<u8>, ImageError> {
     let name = name.as_ref();
     match (photo, Format::from_extension(name)) {
@@ -103,7 +109,8 @@ pub fn encode_photo(name: impl AsRef<Path>, photo: &Photo, generator: &str) -> R
     }
 }
 
-/// Writes 8-bit sRGB as PNG or, with `quality` 1 to 100, as JPEG, and in it `generator`, the name of the writing program.
+/// Writes 8-bit sRGB as PNG, or as JPEG with `quality` from 1 to 100. Stores `generator`, the name of the writing
+/// program.
 pub fn write_srgb8(
     path: impl AsRef<Path>,
     image: &Image<[u8; 3]>,
@@ -114,7 +121,7 @@ pub fn write_srgb8(
     write_bytes(path, &encode_srgb8(path, image, quality, generator)?)
 }
 
-/// The bytes that [`write_srgb8`] writes as a file of this name.
+/// Encodes 8-bit sRGB as the file that [`write_srgb8`] writes under this name.
 pub fn encode_srgb8(
     name: impl AsRef<Path>,
     image: &Image<[u8; 3]>,
@@ -139,7 +146,7 @@ pub fn encode_srgb8(
     }
 }
 
-/// Writes a tone-mapped 8-bit preview (PNG or JPEG) of radiance times 2^`exposure_ev`, and in it `generator`.
+/// Writes a tone-mapped 8-bit preview (PNG or JPEG) of radiance times 2^`exposure_ev`. Stores `generator`.
 pub fn write_tone_mapped(
     path: impl AsRef<Path>,
     image: &RadianceImage,
@@ -150,20 +157,20 @@ pub fn write_tone_mapped(
     write_srgb8(path, &curve.map(image, exposure_ev), JPEG_QUALITY, generator)
 }
 
-/// Writes 8-bit sRGB with straight alpha as PNG, and in it `generator`, the name of the writing program.
+/// Writes 8-bit sRGB with straight alpha as PNG. Stores `generator`, the name of the writing program.
 pub fn write_rgba8(path: impl AsRef<Path>, image: &Image<[u8; 4]>, generator: &str) -> Result<(), ImageError> {
     let path = path.as_ref();
     write_bytes(path, &encode_rgba8(path, image, generator)?)
 }
 
-/// The bytes that [`write_rgba8`] writes; `name` appears in errors.
+/// Like [`write_rgba8`], to memory; `name` appears in errors.
 pub fn encode_rgba8(name: impl AsRef<Path>, image: &Image<[u8; 4]>, generator: &str) -> Result<Vec<u8>, ImageError> {
     let (path, bytes) = (name.as_ref(), image.pixels().as_flattened());
     require_png(path)?;
     encoded(path, Format::Png, image, |out| png(out, bytes, image, ExtendedColorType::Rgba8), generator)
 }
 
-/// Writes 16-bit sRGB as PNG, and in it `generator`, the name of the writing program.
+/// Writes 16-bit sRGB as PNG. Stores `generator`, the name of the writing program.
 pub fn write_png16(path: impl AsRef<Path>, image: &Image<[u16; 3]>, generator: &str) -> Result<(), ImageError> {
     let path = path.as_ref();
     write_bytes(path, &encode_png16(path, image, generator)?)
@@ -175,30 +182,32 @@ fn encode_png16(path: &Path, image: &Image<[u16; 3]>, generator: &str) -> Result
     encoded(path, Format::Png, image, |out| png(out, bytes, image, ExtendedColorType::Rgb16), generator)
 }
 
-/// The bytes of an 8-bit sRGB PNG, for files that carry pictures inside (glTF).
+/// Encodes an 8-bit sRGB PNG, for files with embedded images (glTF).
 ///
 /// # Panics
-/// Where the image has no pixels.
+/// If the image has no pixels.
 pub fn encode_png(image: &Image<[u8; 3]>) -> Vec<u8> {
     png_bytes(image.pixels().as_flattened(), image, ExtendedColorType::Rgb8)
 }
 
-/// As [`encode_png`], with straight alpha.
+/// Like [`encode_png`], with straight alpha.
 ///
 /// # Panics
-/// Where the image has no pixels.
+/// If the image has no pixels.
 pub fn encode_png_rgba(image: &Image<[u8; 4]>) -> Vec<u8> {
     png_bytes(image.pixels().as_flattened(), image, ExtendedColorType::Rgba8)
 }
 
 fn png_bytes<T>(samples: &[u8], image: &Image<T>, color: ExtendedColorType) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
-    png(&mut bytes, samples, image, color).expect("an image with pixels can be written to memory as PNG");
+    png(&mut bytes, samples, image, color).expect("encoding a non-empty image to memory cannot fail");
     bytes.into_inner()
 }
 
-/// Writes depth in metres: `.exr` (channel Z, 32-bit), `.pfm`, `.npy`, or `.png` (16-bit millimetres; from 65.536 m no reading).
-/// EXR and PNG name `generator`, the writing program.
+/// Writes depth in metres: `.exr` (channel Z, 32-bit), `.pfm`, `.npy`, or `.png` (16-bit millimetres; no reading from
+/// 65.536 m on).
+///
+/// EXR and PNG store `generator`, the name of the writing program.
 pub fn write_depth(path: impl AsRef<Path>, depth_m: &DepthMap, generator: &str) -> Result<(), ImageError> {
     let path = path.as_ref();
     match Format::from_extension(path) {
@@ -246,12 +255,12 @@ fn require_png(path: &Path) -> Result<(), ImageError> {
 
 fn check_not_empty<T>(path: &Path, format: Format, image: &Image<T>) -> Result<(), ImageError> {
     match image.pixels() {
-        [] => Err(ImageError::Encode { path: path.to_owned(), format, reason: "it has no pixels".to_owned() }),
+        [] => Err(ImageError::Encode { path: path.to_owned(), format, reason: "the image has no pixels".to_owned() }),
         _ => Ok(()),
     }
 }
 
-/// Encoded in memory: the encoders' errors are not those of the disk.
+/// Encodes in memory, so that encoding errors are distinct from I/O errors.
 fn encoded<T>(
     path: &Path,
     format: Format,

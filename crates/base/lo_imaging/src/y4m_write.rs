@@ -4,26 +4,27 @@ use y4m::{Colorspace, Encoder, Frame, Ratio};
 
 use crate::{Photo, srgb8_from_linear};
 
-/// Frames of one size as YUV4MPEG2 video (4:4:4, BT.709), uncompressed, which every encoder reads from a file or a pipe.
+/// Writes frames of one size as uncompressed YUV4MPEG2 video (4:4:4, BT.709), which video encoders read from a file or
+/// pipe.
 pub struct Y4mWriter<W: Write> {
     encoder: Encoder<W>,
 }
 
 impl<W: Write> Y4mWriter<W> {
-    /// Begins a video of `size` pixels.
+    /// Writes the header of a video of `size` (width, height) pixels.
     ///
     /// # Errors
-    /// Where nothing can be written.
+    /// I/O errors.
     pub fn new(target: W, size: (usize, usize), frames_per_second: u32) -> io::Result<Self> {
         let rate = Ratio::new(frames_per_second as usize, 1);
         let encoder = y4m::encode(size.0, size.1, rate).with_colorspace(Colorspace::C444).write_header(target);
-        Ok(Self { encoder: encoder.map_err(system)? })
+        Ok(Self { encoder: encoder.map_err(io_error)? })
     }
 
-    /// Adds a frame.
+    /// Appends a frame.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// I/O errors.
     pub fn add(&mut self, photo: &Photo) -> io::Result<()> {
         let mut planes = [(); 3].map(|()| Vec::with_capacity(photo.width() * photo.height()));
         let mut put = |rgb: [u8; 3]| {
@@ -36,18 +37,18 @@ impl<W: Write> Y4mWriter<W> {
             Photo::Linear(image) => image.pixels().iter().for_each(|pixel| put(pixel.map(srgb8_from_linear))),
         }
         let [y, cb, cr] = &planes;
-        self.encoder.write_frame(&Frame::new([y, cb, cr], None)).map_err(system)
+        self.encoder.write_frame(&Frame::new([y, cb, cr], None)).map_err(io_error)
     }
 }
 
-fn system(error: y4m::Error) -> io::Error {
+fn io_error(error: y4m::Error) -> io::Error {
     match error {
         y4m::Error::IoError(error) => error,
         error => io::Error::other(error.to_string()),
     }
 }
 
-/// R'G'B' to Y'CbCr of ITU-R BT.709 in narrow range: 16 to 235 and 16 to 240.
+/// Converts R'G'B' to Y'CbCr of ITU-R BT.709 in narrow range: 16 to 235 and 16 to 240.
 fn y_cb_cr(rgb: [u8; 3]) -> [u8; 3] {
     let [r, g, b] = rgb.map(|code| f32::from(code) / 255.0);
     let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
@@ -61,7 +62,7 @@ mod tests {
 
     #[test]
     fn colours_are_those_of_bt_709() {
-        // Colour bars of 100 % as tables of ITU-R BT.709 have them at 8 bits.
+        // 100 % colour bars from the 8-bit tables of ITU-R BT.709.
         let bars = [
             ([255, 255, 255], [235, 128, 128]),
             ([0, 0, 0], [16, 128, 128]),

@@ -1,4 +1,4 @@
-//! Rays per second on the tea set of the data beside the checkout; nothing runs where that is missing.
+//! Rays per second on the tea set of the data beside the checkout; skipped if that is missing.
 #![allow(missing_docs)]
 
 use std::hint::black_box;
@@ -9,10 +9,10 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 use lo_geometry::{Ray, Vec3, fibonacci_sphere};
 use lo_mesh::{Hit, LoadOptions, Model, PreparedModel, offset_origin};
-use lo_testdata::beside;
+use lo_testdata::shared_data;
 
 static FILE: LazyLock<Option<PathBuf>> =
-    LazyLock::new(|| beside("meshes/tea_set_01/tea_set_01_1k.gltf", "rays on the tea set"));
+    LazyLock::new(|| shared_data("meshes/tea_set_01/tea_set_01_1k.gltf", "rays on the tea set"));
 
 static PREPARED: LazyLock<Option<PreparedModel>> =
     LazyLock::new(|| Model::load(FILE.as_ref()?, &LoadOptions::default()).ok().map(PreparedModel::new));
@@ -21,7 +21,7 @@ fn main() {
     divan::main();
 }
 
-/// A picture of 480 × 320 that the set fills.
+/// Rays of a 480 × 320 image filled by the tea set.
 fn camera_rays() -> Vec<Ray> {
     let (origin, target) = (Vec3::new(0.0, 0.7, 0.9), Vec3::new(0.0, 0.05, 0.0));
     let forward = (target - origin).normalize();

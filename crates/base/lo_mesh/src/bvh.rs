@@ -8,35 +8,36 @@ use crate::Model;
 use crate::sah::{self, Box3};
 use crate::triangle::{Crossing, ShearedRay};
 
-/// The largest coordinate of the hierarchy lies below this power of two. Its traversal uses absolute tolerances
-/// (1e-4), which mean 1e-7 of the model this way, whatever its size.
+/// Exponent of the power of two just above the hierarchy's largest coordinate.
+///
+/// The traversal uses absolute tolerances (1e-4), which are thus 1e-7 of any model's size.
 const LARGEST_EXPONENT: i32 = 10;
 
-/// Boxes grow by this, so that rounding in the box test never loses a triangle: a few units in the last place of the
+/// Padding of boxes, so that rounding in the box test never misses a triangle: a few units in the last place of the
 /// largest coordinate.
 const PADDING: f32 = 5e-4;
 
-/// Eight-wide bounding volume hierarchy (Ylitie et al. 2017) over the triangles of a model.
+/// An eight-wide bounding volume hierarchy (Ylitie et al. 2017) over a model's triangles.
 #[derive(Clone, Debug)]
 pub(crate) struct MeshBvh {
     hierarchy: CwBvh,
-    /// Corners in the order of the hierarchy's leaves, scaled.
+    /// Scaled triangle corners, in the order of the hierarchy's leaves.
     corners: Vec<[Vec3; 3]>,
-    /// Power of two between model and hierarchy coordinates: multiplying loses nothing.
+    /// Scale from model to hierarchy coordinates, a power of two: multiplication is exact.
     scale: f32,
 }
 
-/// A triangle that a ray crosses.
+/// A triangle crossed by a ray.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
-    /// Index in the model.
+    /// Triangle index in the model.
     pub triangle: u32,
-    /// Distance in model units.
+    /// The crossing, with its distance in model units.
     pub crossing: Crossing,
 }
 
 impl MeshBvh {
-    /// Builds the hierarchy; the same model gives the same one on any machine and thread count.
+    /// Builds the hierarchy. The result does not depend on machine or thread count.
     pub(crate) fn build(model: &Model) -> Self {
         if model.triangles.is_empty() {
             return Self { hierarchy: CwBvh::default(), corners: Vec::new(), scale: 1.0 };
@@ -57,16 +58,16 @@ impl MeshBvh {
         Self { hierarchy, corners, scale }
     }
 
-    /// Calls `visit` for the triangles that a ray may cross within `most` model units, roughly from near to far, until it
-    /// breaks. What `visit` returns is the distance beyond which nothing matters any more.
+    /// Calls `visit` for the triangles that a ray crosses within `max_distance` model units, until it breaks.
     ///
+    /// The order is roughly from near to far. `visit` returns the distance beyond which crossings may be skipped.
     /// `direction` must be finite and not zero.
     #[inline]
     pub(crate) fn crossings(
         &self,
         origin: Vec3,
         direction: Vec3,
-        most: f32,
+        max_distance: f32,
         visit: impl FnMut(Candidate) -> ControlFlow<(), f32>,
     ) {
         #[cfg(target_arch = "x86_64")]
@@ -76,24 +77,26 @@ impl MeshBvh {
             && is_x86_feature_detected!("lzcnt")
             && is_x86_feature_detected!("popcnt")
         {
-            // SAFETY: the processor has what the function is compiled for.
-            return unsafe { self.traverse_avx2(origin, direction, most, visit) };
+            // SAFETY: the processor supports all target features of the function.
+            return unsafe { self.traverse_avx2(origin, direction, max_distance, visit) };
         }
-        self.traverse(origin, direction, most, visit);
+        self.traverse(origin, direction, max_distance, visit);
     }
 
-    /// [`MeshBvh::traverse`] compiled for processors since 2013: 1.17 × as many camera rays, 1.07 × as many shadow rays.
-    /// Without fused products, so that every processor finds the same.
+    /// [`MeshBvh::traverse`] compiled for processors since 2013: 1.17 × as many camera rays, 1.07 × as many shadow
+    /// rays.
+    ///
+    /// Without fused multiply-add, so that every processor gives the same result.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
     fn traverse_avx2(
         &self,
         origin: Vec3,
         direction: Vec3,
-        most: f32,
+        max_distance: f32,
         visit: impl FnMut(Candidate) -> ControlFlow<(), f32>,
     ) {
-        self.traverse(origin, direction, most, visit);
+        self.traverse(origin, direction, max_distance, visit);
     }
 
     #[inline(always)]
@@ -101,20 +104,20 @@ impl MeshBvh {
         &self,
         origin: Vec3,
         direction: Vec3,
-        most: f32,
+        max_distance: f32,
         mut visit: impl FnMut(Candidate) -> ControlFlow<(), f32>,
     ) {
         let origin = origin * self.scale;
-        if !(origin.is_finite() && direction.is_finite() && most > 0.0) || self.hierarchy.nodes.is_empty() {
+        if !(origin.is_finite() && direction.is_finite() && max_distance > 0.0) || self.hierarchy.nodes.is_empty() {
             return;
         }
-        // Adding zero turns -0 into 0, whose sign the box test would misread.
+        // Adding zero turns -0 into 0; the box test would misread the sign of -0.
         let direction = direction + Vec3::ZERO;
-        let most = most * self.scale;
+        let max_distance = max_distance * self.scale;
         let sheared = ShearedRay::new(origin, direction);
-        let mut ray = obvhs::ray::Ray::new(origin.into(), direction.into(), 0.0, most);
+        let mut ray = obvhs::ray::Ray::new(origin.into(), direction.into(), 0.0, max_distance);
         let octants = self.hierarchy.new_traversal(direction.into()).oct_inv4;
-        let mut stack = Stack::new();
+        let mut stack = TraversalStack::new();
         // Groups as in the paper: base index, and hit bits of children (upper byte) or triangles (lower 24).
         let (mut nodes, mut triangles) = ((0_u32, 0x8000_0000_u32), (0_u32, 0_u32));
         loop {
@@ -127,7 +130,7 @@ impl MeshBvh {
                     let triangle = self.hierarchy.primitive_indices[at];
                     match visit(Candidate { triangle, crossing }) {
                         ControlFlow::Break(()) => return,
-                        ControlFlow::Continue(most) => ray.tmax = ray.tmax.min(most * self.scale),
+                        ControlFlow::Continue(max_distance) => ray.tmax = ray.tmax.min(max_distance * self.scale),
                     }
                 }
             }
@@ -153,46 +156,46 @@ impl MeshBvh {
     }
 }
 
-/// The power of two that brings `largest` just below 2^[`LARGEST_EXPONENT`].
+/// Returns the power of two that scales `largest` to just below 2^[`LARGEST_EXPONENT`].
 fn scale_below(largest: f32) -> f32 {
     if largest == 0.0 {
         return 1.0;
     }
     let exponent = f64::from(largest).log2().floor() as i32 + 1;
-    // Exact also for models so small that the power lies near the end of f32.
+    // Clamped so that the power is exact even near the limits of f32.
     2_f32.powi((LARGEST_EXPONENT - exponent).clamp(-126, 126))
 }
 
-/// The library's own stack holds 32 entries and panics beyond them; a hostile mesh can be deeper.
-struct Stack {
-    near: [(u32, u32); 32],
+/// A stack of unlimited depth. The library's own stack panics beyond 32 entries, and a malicious mesh can be deeper.
+struct TraversalStack {
+    inline: [(u32, u32); 32],
     length: usize,
-    far: Vec<(u32, u32)>,
+    overflow: Vec<(u32, u32)>,
 }
 
-impl Stack {
+impl TraversalStack {
     fn new() -> Self {
-        Self { near: [(0, 0); 32], length: 0, far: Vec::new() }
+        Self { inline: [(0, 0); 32], length: 0, overflow: Vec::new() }
     }
 
     #[inline]
     fn push(&mut self, group: (u32, u32)) {
-        match self.near.get_mut(self.length) {
+        match self.inline.get_mut(self.length) {
             Some(slot) => {
                 *slot = group;
                 self.length += 1;
             }
-            None => self.far.push(group),
+            None => self.overflow.push(group),
         }
     }
 
     #[inline]
     fn pop(&mut self) -> Option<(u32, u32)> {
-        if let Some(group) = self.far.pop() {
+        if let Some(group) = self.overflow.pop() {
             return Some(group);
         }
         self.length = self.length.checked_sub(1)?;
-        Some(self.near[self.length])
+        Some(self.inline[self.length])
     }
 }
 

@@ -1,55 +1,55 @@
 use std::path::PathBuf;
 
-/// Why a mesh, a material or a texture could not be used.
+/// Errors of reading meshes, materials and textures.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
     /// The file could not be read.
     #[error("cannot read {}: {source}", path.display())]
     Io {
-        /// File asked for.
+        /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Something is wrong inside the named file.
+    /// An error in the contents of a file.
     #[error("{}: {source}", path.display())]
     InFile {
-        /// File that was read.
+        /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: Box<MeshError>,
     },
-    /// Neither the name nor the first bytes tell the format.
-    #[error("not a mesh format that can be read (glTF, GLB, OBJ, PLY and STL can)")]
+    /// Neither the extension nor the first bytes identify a format.
+    #[error("unrecognised mesh format; supported formats are glTF, GLB, OBJ, PLY and STL")]
     UnknownFormat,
-    /// The bytes break the rules of their format.
-    #[error("broken {format} at {place}: {what}")]
+    /// The bytes are not a valid file of their format.
+    #[error("invalid {format} file at {place}: {what}")]
     Syntax {
         /// Name of the format.
         format: &'static str,
         /// Line, byte or element.
         place: String,
-        /// What is wrong there.
+        /// Cause.
         what: String,
     },
-    /// glTF `extensionsRequired` names something that is not supported.
-    #[error("needs the glTF extension {name}, which is not supported: {remedy}")]
+    /// glTF `extensionsRequired` lists an unsupported extension.
+    #[error("the file requires the unsupported glTF extension {name}: {remedy}")]
     UnsupportedExtension {
         /// Name of the extension.
         name: String,
-        /// How to get a file that can be read.
+        /// How to obtain a supported file.
         remedy: &'static str,
     },
-    /// A file that holds vertices, named by a glTF, is missing.
-    #[error("the mesh keeps its vertices in {}, which cannot be read: {reason}", path.display())]
+    /// A buffer file of a glTF, with its vertices, could not be read.
+    #[error("cannot read {}, which contains the mesh's vertices: {reason}", path.display())]
     MissingBuffer {
-        /// File named by the mesh.
+        /// File named in the mesh.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         reason: String,
     },
-    /// A triangle names a vertex that does not exist.
-    #[error("{place} names vertex {index}, but there are {count} vertices (counted from 0)")]
+    /// A triangle refers to a vertex that does not exist.
+    #[error("{place} refers to vertex {index}, but there are {count} vertices (counted from 0)")]
     IndexOutOfRange {
         /// Triangle, line or primitive.
         place: String,
@@ -58,39 +58,39 @@ pub enum MeshError {
         /// Number of vertices.
         count: usize,
     },
-    /// Nothing to show.
+    /// The mesh has no usable triangle.
     #[error("the mesh has no triangles{reason}")]
     NoTriangles {
-        /// Why, where it is known; begins with a separator.
+        /// Cause, if known; begins with a separator.
         reason: String,
     },
-    /// The counts are far beyond what a file of this size can mean.
-    #[error("the mesh unfolds to {count} {what}, more than a file of this size may ask for ({limit})")]
+    /// A count exceeds the limit for a file of this size.
+    #[error("the mesh expands to {count} {what}, more than the limit of {limit} for a file of this size")]
     TooLarge {
-        /// What there are too many of.
+        /// Name of the counted elements.
         what: &'static str,
-        /// How many.
+        /// Their number.
         count: u64,
-        /// How many are allowed.
+        /// Largest allowed number.
         limit: u64,
     },
-    /// Neither a preset nor JSON.
-    #[error("no material is called '{name}'; give JSON such as {{\"base_color\":[0.8,0.1,0.1]}} or one of: {known}")]
+    /// The material is neither a preset nor JSON.
+    #[error("unknown material '{name}'; give JSON such as {{\"base_color\":[0.8,0.1,0.1]}} or one of: {known}")]
     UnknownMaterial {
-        /// Name asked for.
+        /// The given name.
         name: String,
-        /// Names that exist.
+        /// Names of the presets.
         known: String,
     },
-    /// A material description that does not parse or holds a value out of range.
+    /// A material description does not parse or has a value out of range.
     #[error("material JSON: {0}")]
     MaterialJson(String),
-    /// A picture that the user asked for cannot be used.
+    /// An image requested by the user cannot be used as a texture.
     #[error("texture {name}: {reason}")]
     Texture {
         /// File or image name.
         name: String,
-        /// Why not.
+        /// Cause.
         reason: String,
     },
 }

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-/// A glTF binary in the making: the bytes of its only buffer, and the views and accessors that describe them.
+/// Builds a binary glTF: the bytes of its only buffer, and the views and accessors that describe them.
 #[derive(Debug, Default)]
 pub struct GlbWriter {
     bytes: Vec<u8>,
@@ -10,27 +10,27 @@ pub struct GlbWriter {
     accessors: Vec<Value>,
 }
 
-/// A glTF binary that would be larger than its 32-bit length can say, 4 GiB.
+/// Error of a binary glTF larger than 4 GiB, the limit of its 32-bit length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{bytes} bytes as a glTF binary, which can hold 4 GiB at most")]
+#[error("the binary glTF file would have {bytes} bytes, more than the format's limit of 4 GiB")]
 pub struct GlbTooLarge {
     /// Size that the file would have.
     pub bytes: usize,
 }
 
 impl GlbWriter {
-    /// Component types of accessors.
+    /// Component type of 16-bit indices.
     pub const UNSIGNED_SHORT: u32 = 5123;
-    /// 32-bit indices.
+    /// Component type of 32-bit indices.
     pub const UNSIGNED_INT: u32 = 5125;
-    /// 32-bit floats.
+    /// Component type of 32-bit floats.
     pub const FLOAT: u32 = 5126;
     /// Target of a view with vertices.
     pub const ARRAY_BUFFER: u32 = 34962;
     /// Target of a view with indices.
     pub const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-    /// Appends bytes, such as a PNG, and gives the index of their `bufferView`.
+    /// Appends bytes, such as a PNG, and returns the index of their `bufferView`.
     pub fn view(&mut self, data: &[u8]) -> usize {
         let view = json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": data.len() });
         self.bytes.extend_from_slice(data);
@@ -39,8 +39,11 @@ impl GlbWriter {
         self.views.len() - 1
     }
 
-    /// Appends the little-endian data of `count` elements, each a multiple of four bytes, and gives the index of their accessor. `kind` is the
-    /// accessor's `type`, `accessor` an object with what else it says: `min` and `max`, `normalized`.
+    /// Appends the little-endian data of `count` elements, each a multiple of four bytes, and returns the index of
+    /// their accessor.
+    ///
+    /// `kind` is the accessor's `type`. `accessor` is an object with its other properties: `min` and `max`,
+    /// `normalized`.
     pub fn accessor(
         &mut self,
         data: &[u8],
@@ -60,20 +63,20 @@ impl GlbWriter {
         self.accessors.len() - 1
     }
 
-    /// The whole file; `document` is its JSON but for accessors, buffer views and the buffer.
+    /// Returns the whole file; `document` is its JSON without accessors, buffer views and the buffer.
     ///
     /// # Errors
-    /// More than 4 GiB.
+    /// [`GlbTooLarge`] for a file of more than 4 GiB.
     pub fn finish(self, mut document: Value) -> Result<Vec<u8>, GlbTooLarge> {
         document["accessors"] = self.accessors.into();
         document["bufferViews"] = self.views.into();
         document["buffers"] = json!([{ "byteLength": self.bytes.len() }]);
-        // The asset comes first: whoever looks for the maker's name need not read thousands of accessors.
+        // The asset comes first, so that the generator is found without parsing thousands of accessors.
         let asset = document.as_object_mut().and_then(|fields| fields.remove("asset")).unwrap_or_default();
         let rest = document.to_string();
         let mut text = format!("{{\"asset\":{asset},{}", rest.trim_start_matches('{')).into_bytes();
         text.resize(text.len().next_multiple_of(4), b' ');
-        // 12 bytes of header and 8 of each chunk's
+        // 12 bytes of header, and 8 for each chunk's
         let bytes = 12 + 8 + text.len() + 8 + self.bytes.len();
         let total = u32::try_from(bytes).map_err(|_| GlbTooLarge { bytes })?;
         let mut file = Vec::with_capacity(bytes);
@@ -102,7 +105,7 @@ mod tests {
         let extra = json!({ "min": [-2.0], "max": [1.5] });
         assert_eq!(glb.accessor(&data, 2, GlbWriter::FLOAT, "SCALAR", GlbWriter::ARRAY_BUFFER, extra), 0);
         let file = glb.finish(json!({ "asset": { "version": "2.0" } })).unwrap();
-        assert!(file[20..].starts_with(b"{\"asset\":{\"version\":\"2.0\"},"), "the maker stands first");
+        assert!(file[20..].starts_with(b"{\"asset\":{\"version\":\"2.0\"},"), "the asset comes first");
         let gltf = ::gltf::Gltf::from_slice(&file).unwrap();
         let accessor = gltf.accessors().next().unwrap();
         let start = accessor.view().unwrap().offset();

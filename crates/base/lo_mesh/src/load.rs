@@ -8,11 +8,13 @@ use crate::{
 };
 
 impl Model {
-    /// Reads glTF 2.0 (`.gltf`, `.glb`), Wavefront OBJ (with its MTL), PLY or STL. The extension chooses the
-    /// format; without a known one the first bytes do. Files named inside the mesh lie beside it.
+    /// Reads glTF 2.0 (`.gltf`, `.glb`), Wavefront OBJ (with its MTL), PLY or STL.
+    ///
+    /// The format is chosen by extension, else by the first bytes. Names of other files are relative to the mesh's
+    /// folder.
     ///
     /// # Errors
-    /// See [`MeshError`]; all of them name the file. Missing textures are no error: see [`Model::warnings`].
+    /// [`MeshError`], naming the file. Missing textures are warnings: see [`Model::warnings`].
     pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Self, MeshError> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.to_owned(), source })?;
@@ -21,10 +23,10 @@ impl Model {
         Self::from_bytes(path, &bytes, &resolve, options)
     }
 
-    /// As [`Model::load`], from memory: `name` is the file's, and `resolve` fetches the files that it names.
+    /// Like [`Model::load`], from memory. `name` is the file's name, and `resolve` reads the files that it refers to.
     ///
     /// # Errors
-    /// As [`Model::load`].
+    /// As for [`Model::load`].
     pub fn from_bytes(
         name: impl AsRef<Path>,
         bytes: &[u8],
@@ -48,8 +50,10 @@ impl Model {
         model.map_err(|source| MeshError::InFile { path: name.to_owned(), source: Box::new(source) })
     }
 
-    /// Reads glTF JSON or GLB. All triangle primitives of the default scene (of all scenes where none is the
-    /// default), with node transforms; skins and animations in their bind pose.
+    /// Reads glTF JSON or GLB.
+    ///
+    /// Reads all triangle primitives of the default scene (of all scenes without a default), with node transforms.
+    /// Skins and animations stay in their bind pose.
     ///
     /// # Errors
     /// See [`MeshError`].
@@ -57,7 +61,7 @@ impl Model {
         gltf::read(bytes, resolve)?.finish()
     }
 
-    /// Reads OBJ text and the MTL files that it names.
+    /// Reads OBJ text and the MTL files that it refers to.
     ///
     /// # Errors
     /// See [`MeshError`].
@@ -73,7 +77,7 @@ impl Model {
         ply::read(bytes, options)?.finish()
     }
 
-    /// Reads STL, ASCII or binary. Equal positions become one vertex.
+    /// Reads STL, ASCII or binary. Equal positions are merged to one vertex.
     ///
     /// # Errors
     /// See [`MeshError`].
@@ -81,10 +85,10 @@ impl Model {
         stl::read(bytes, options)?.finish()
     }
 
-    /// A model of one material from bare triangles; normals are smooth up to the crease angle.
+    /// Creates a model of one material from triangles; normals are smooth up to the crease angle.
     ///
     /// # Errors
-    /// Indices beyond the vertices, no usable triangle.
+    /// [`MeshError`] for indices out of range, or without any usable triangle.
     pub fn from_triangles(
         positions: Vec<Vec3>,
         triangles: Vec<[u32; 3]>,
@@ -104,28 +108,29 @@ impl Model {
         model.finish()
     }
 
-    /// The model as glTF 2.0 binary: textures inside as PNG, radiance above 1 by `KHR_materials_emissive_strength`, panes and cloth by
-    /// `KHR_materials_transmission` and `KHR_materials_diffuse_transmission`. Vertices that no triangle uses are left out.
-    /// `generator` names the writing program.
+    /// Encodes the model as binary glTF 2.0; `generator` is the name of the writing program.
+    ///
+    /// Textures are embedded as PNG. Radiance above 1 uses `KHR_materials_emissive_strength`, panes and cloth use
+    /// `KHR_materials_transmission` and `KHR_materials_diffuse_transmission`. Unused vertices are omitted.
     ///
     /// # Errors
-    /// A file of more than 4 GiB.
+    /// [`GlbTooLarge`] for a file of more than 4 GiB.
     pub fn to_glb(&self, generator: &str) -> Result<Vec<u8>, GlbTooLarge> {
         self.to_glb_scene(generator, &GlbScene::default())
     }
 
-    /// As [`to_glb`](Self::to_glb), with a mesh for each object, and with cameras and the sun.
+    /// Like [`to_glb`](Self::to_glb), with a mesh for each object, cameras and the sun.
     ///
     /// # Errors
-    /// A file of more than 4 GiB.
+    /// [`GlbTooLarge`] for a file of more than 4 GiB.
     ///
     /// # Panics
-    /// Where an object has a triangle that the model lacks.
+    /// If an object has a triangle index out of range.
     pub fn to_glb_scene(&self, generator: &str, scene: &GlbScene) -> Result<Vec<u8>, GlbTooLarge> {
         gltf::write(self, generator, scene)
     }
 
-    /// Brings a freshly read model into the state that the fields promise.
+    /// Establishes the invariants of the fields for a newly read model.
     fn finish(mut self) -> Result<Self, MeshError> {
         if self.materials.is_empty() {
             self.materials.push(Material::default());
@@ -136,16 +141,16 @@ impl Model {
     }
 }
 
-/// Reads a file that a mesh names. It may name anything: devices and pipes need not have an end.
+/// Reads a file that a mesh refers to. Only regular files: devices and pipes may be endless.
 fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
     if std::fs::metadata(path)?.is_file() {
         std::fs::read(path)
     } else {
-        Err(std::io::Error::other("it is no regular file"))
+        Err(std::io::Error::other("not a regular file"))
     }
 }
 
-/// The name of a neighbouring file as a path: Windows separators turned, no scheme.
+/// Converts the name of a neighbouring file to a path, with Windows separators replaced.
 fn local_path(name: &str) -> PathBuf {
     PathBuf::from(name.replace('\\', "/"))
 }

@@ -1,46 +1,48 @@
-/// glTF 2.0 metallic-roughness material; textures multiply the factors.
+/// A glTF 2.0 metallic-roughness material; textures multiply the factors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// Name for messages.
+    /// Name, for messages.
     pub name: String,
-    /// Linear RGBA.
+    /// Base colour and alpha, linear RGBA.
     pub base_color: [f32; 4],
-    /// sRGB texture with straight alpha.
+    /// Base colour texture: sRGB with straight alpha.
     pub base_color_texture: Option<TextureRef>,
-    /// 0 dielectric … 1 metal.
+    /// Metalness: 0 for dielectrics, 1 for metals.
     pub metallic: f32,
     /// Perceptual roughness; GGX α is its square.
     pub roughness: f32,
-    /// Blue: metallic, green: roughness.
+    /// Texture of metalness (blue) and roughness (green).
     pub metallic_roughness_texture: Option<TextureRef>,
-    /// Tangent-space normals, +Y up.
+    /// Normal texture: tangent-space normals, +Y up.
     pub normal_texture: Option<TextureRef>,
     /// Scale of the normal texture's x and y.
     pub normal_scale: f32,
-    /// Red: ambient occlusion.
+    /// Texture of ambient occlusion (red).
     pub occlusion_texture: Option<TextureRef>,
-    /// Share of the occlusion texture that counts.
+    /// Strength of the occlusion texture, from 0 to 1.
     pub occlusion_strength: f32,
-    /// Linear RGB radiance that the surface gives off (emissive strength included).
+    /// Emitted radiance, linear RGB, including the emissive strength.
     pub emissive: [f32; 3],
-    /// sRGB texture.
+    /// Emissive texture: sRGB.
     pub emissive_texture: Option<TextureRef>,
-    /// How alpha is used.
+    /// Use of alpha.
     pub alpha_mode: AlphaMode,
-    /// Whether the back shows too.
+    /// Whether back faces are visible.
     pub double_sided: bool,
-    /// Base colour is shown as it is, without light.
+    /// Whether the base colour is shown without lighting.
     pub unlit: bool,
-    /// Share of the light not reflected at the surface that passes straight through, as through a window pane: the surface is a thin sheet
-    /// (`KHR_materials_transmission` without a volume); the base colour tints what passes.
+    /// Share of the light not reflected at the surface that passes straight through, as through a window pane.
+    ///
+    /// The surface is a thin sheet (`KHR_materials_transmission` without a volume). The base colour tints the
+    /// transmitted light.
     pub transmission: f32,
-    /// Share of the diffusely scattered light that leaves on the other side, as from paper or curtains
-    /// (`KHR_materials_diffuse_transmission`, its colour being the base colour).
+    /// Share of diffusely scattered light that leaves on the other side, as from paper or curtains
+    /// (`KHR_materials_diffuse_transmission`, with the base colour as its colour).
     pub diffuse_transmission: f32,
 }
 
 impl Default for Material {
-    /// Matte white, both sides: what a mesh without materials (OBJ, PLY, STL) gets.
+    /// Matte white and double-sided: the material of meshes without materials (OBJ, PLY, STL).
     fn default() -> Self {
         Self {
             name: "default".to_owned(),
@@ -64,37 +66,37 @@ impl Default for Material {
     }
 }
 
-/// glTF alpha modes.
+/// Alpha mode of a material, as in glTF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AlphaMode {
     /// Alpha is ignored.
     Opaque,
-    /// Visible where alpha reaches the cutoff.
+    /// Opaque where alpha reaches the cutoff, else fully transparent.
     Mask {
-        /// Smallest alpha that is visible.
+        /// Smallest visible alpha.
         cutoff: f32,
     },
     /// Alpha is coverage.
     Blend,
 }
 
-/// Use of a texture by a material.
+/// A reference from a material to a texture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureRef {
     /// Index into the model's textures.
     pub texture: usize,
-    /// Which UV set (0 or 1).
+    /// Index of the UV set (0 or 1).
     pub uv_set: usize,
     /// `KHR_texture_transform` as a 2×3 matrix, row-major; identity without it.
     pub uv_transform: [f32; 6],
-    /// What lies outside [0, 1], along u and v.
+    /// Addressing modes outside [0, 1], along u and v.
     pub wrap: [Wrap; 2],
-    /// Texels stay hard squares when seen from near (glTF `magFilter` NEAREST).
+    /// Whether magnification takes the nearest texel (glTF `magFilter` NEAREST).
     pub nearest: bool,
 }
 
 impl TextureRef {
-    /// The first UV set, repeated, smooth.
+    /// Creates a reference with the first UV set, repeated and with bilinear magnification.
     pub fn new(texture: usize) -> Self {
         Self {
             texture,
@@ -105,20 +107,20 @@ impl TextureRef {
         }
     }
 
-    /// Texture coordinates after `KHR_texture_transform`.
+    /// Applies `KHR_texture_transform` to texture coordinates.
     pub(crate) fn transform(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         let m = &self.uv_transform;
         [m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]]
     }
 }
 
-/// Addressing outside [0, 1].
+/// Texture addressing mode outside [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wrap {
-    /// The picture again.
+    /// Repeats the image.
     Repeat,
-    /// The picture again, every second copy mirrored.
+    /// Repeats the image, mirroring every second copy.
     Mirror,
-    /// The border's colour.
+    /// Clamps to the border.
     Clamp,
 }

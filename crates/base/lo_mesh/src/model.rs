@@ -2,38 +2,40 @@ use lo_geometry::Vec3;
 
 use crate::{Material, MeshWarning, Texture};
 
-/// A whole model: node transforms applied, all meshes in one list of triangles.
+/// A triangle model: all meshes of a file in one list, with node transforms applied.
 ///
-/// Lists per vertex have the length of `positions`, or are empty where the text says so.
+/// Vertex attributes have the length of `positions`; optional ones may be empty.
 #[derive(Clone, Debug, Default)]
 pub struct Model {
     /// Vertex positions in metres (glTF) or file units.
     pub positions: Vec<Vec3>,
     /// Unit vertex normals.
     pub normals: Vec<Vec3>,
-    /// Unit tangents with handedness in w; empty where no material has a normal texture.
+    /// Unit tangents with handedness in w; empty if no material has a normal texture.
     pub tangents: Vec<[f32; 4]>,
-    /// Two UV sets, v down as in glTF; empty where the file has none.
+    /// Two UV sets, v down as in glTF; empty if the file has none.
     pub uvs: [Vec<[f32; 2]>; 2],
-    /// Linear RGBA that multiplies the base colour; empty where the file has none.
+    /// Linear RGBA that multiplies the base colour; empty if the file has none.
     pub colors: Vec<[f32; 4]>,
     /// Three vertex indices per triangle, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
-    /// Material of each triangle.
+    /// Material index of each triangle.
     pub triangle_materials: Vec<u32>,
-    /// Never empty.
+    /// Materials; never empty.
     pub materials: Vec<Material>,
-    /// Pictures that materials refer to.
+    /// Textures that materials refer to.
     pub textures: Vec<Texture>,
-    /// What the user should know: textures that are missing, parts left out.
+    /// Warnings for the user: missing textures, ignored parts.
     pub warnings: Vec<MeshWarning>,
 }
 
-/// How to read a mesh.
+/// Options for reading a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
-    /// Faces that meet at less than this angle (radians) share a smooth normal, in files that bring no normals
-    /// (OBJ without smoothing groups, PLY, STL; glTF without normals is flat, as its standard says).
+    /// Angle in radians below which adjacent faces share a smooth normal, in files without normals.
+    ///
+    /// Applies to OBJ without smoothing groups, PLY and STL. glTF without normals is flat, as required by its
+    /// specification.
     pub crease_angle_rad: f32,
 }
 
@@ -43,7 +45,7 @@ impl Default for LoadOptions {
     }
 }
 
-/// Smallest box around a model, in its own units.
+/// Axis-aligned bounding box of a model, in model units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// Least x, y and z.
@@ -53,15 +55,17 @@ pub struct Bounds {
 }
 
 impl Model {
-    /// Fills in the tangents that normal textures need, by Mikkelsen's tangent space; vertices where two of them meet are split. Without normal
-    /// textures nothing changes.
+    /// Computes missing tangents for normal textures by Mikkelsen's tangent space. Splits vertices where two tangents
+    /// meet.
+    ///
+    /// Does nothing without normal textures.
     pub fn complete_tangents(&mut self) {
         crate::tangents::complete(self);
     }
 }
 
 impl Bounds {
-    /// Middle of the box.
+    /// Centre of the box.
     pub fn center(&self) -> Vec3 {
         self.min + (self.max - self.min) * 0.5
     }
@@ -72,11 +76,11 @@ impl Bounds {
     }
 }
 
-/// Fetches a file that a mesh names, by the name written in the mesh (percent signs decoded).
+/// Reads a file that a mesh refers to, by the name in the mesh (with percent-encoding decoded).
 pub type Resolver<'a> = dyn Fn(&str) -> std::io::Result<Vec<u8>> + 'a;
 
 impl Model {
-    /// Box around all triangles.
+    /// Bounding box of all triangles.
     pub fn bounds(&self) -> Bounds {
         let none = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
         self.triangles.iter().flatten().fold(none, |bounds, &vertex| {

@@ -5,31 +5,33 @@ use lo_geometry::Vec3;
 
 use crate::repair::face_normal;
 
-/// Around a vertex with more faces than this every face counts as joined: comparing all pairs would take too long.
+/// Number of faces around a vertex beyond which all count as joined: comparing all pairs would take too long.
 const MAX_COMPARED_FACES: usize = 64;
 
-/// Vertices split where the surface has a crease.
-pub(crate) struct Smooth {
-    /// For each new vertex, the position that it had.
+/// A mesh with smooth vertex normals, its vertices split at creases.
+pub(crate) struct SmoothedMesh {
+    /// For each new vertex, the index of its position.
     pub vertex_positions: Vec<u32>,
-    /// For each new vertex, its unit normal (zero where all its faces are degenerate).
+    /// For each new vertex, its unit normal (zero if all its faces are degenerate).
     pub vertex_normals: Vec<Vec3>,
     /// Triangles over the new vertices, in the given order.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Smooth vertex normals: around each position, faces that are joined to each other share one vertex, whose normal is
-/// the mean of theirs weighted by the angle of the corner (Thürmer & Wüthrich 1998). Two faces are joined where they
-/// meet at less than the crease angle, or as `smoothing_group` says: 0 never, equal groups always.
+/// Computes smooth vertex normals and splits vertices at creases.
 ///
-/// Equal positions count as one whatever their indices, but a new vertex stands for one given vertex alone.
+/// Around each position, joined faces share one vertex. Its normal is the mean of theirs weighted by the corner angle
+/// (Thürmer & Wüthrich 1998). Faces are joined if they meet at less than the crease angle. If `smoothing_group` returns
+/// groups, these decide: faces of equal groups are joined, except for group 0.
+///
+/// Equal positions count as one, whatever their indices, but a new vertex corresponds to exactly one given vertex.
 /// Indices must be in range.
 pub(crate) fn smooth(
     positions: &[Vec3],
     triangles: &[[u32; 3]],
     crease_angle_rad: f32,
     smoothing_group: impl Fn(usize) -> Option<u32>,
-) -> Smooth {
+) -> SmoothedMesh {
     let (points, point_of) = weld(positions.iter().copied());
     if points.len() == positions.len() {
         return smooth_welded(positions, triangles, crease_angle_rad, smoothing_group);
@@ -38,43 +40,43 @@ pub(crate) fn smooth(
     let smooth = smooth_welded(&points, &welded, crease_angle_rad, smoothing_group);
     let corners = triangles.iter().flatten().zip(smooth.triangles.iter().flatten());
     let (keys, vertices) = unique(corners.map(|(&given, &cluster)| (given, cluster)));
-    Smooth {
+    SmoothedMesh {
         vertex_positions: keys.iter().map(|&(given, _)| given).collect(),
         vertex_normals: keys.iter().map(|&(_, cluster)| smooth.vertex_normals[cluster as usize]).collect(),
         triangles: vertices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
     }
 }
 
-/// The different points in the order in which they first appear, and for each given point its index there.
+/// Returns the distinct points in order of first appearance, and the index there of each given point.
 pub(crate) fn weld(points: impl Iterator<Item = Vec3>) -> (Vec<Vec3>, Vec<u32>) {
-    // Adding zero makes -0 equal to 0.
+    // Adding zero turns -0 into 0.
     let (bits, indices) = unique(points.map(|p| (p + Vec3::ZERO).to_array().map(f32::to_bits)));
     (bits.into_iter().map(|p| Vec3::from_array(p.map(f32::from_bits))).collect(), indices)
 }
 
-/// The different keys in the order in which they first appear, and for each given key its index there.
+/// Returns the distinct keys in order of first appearance, and the index there of each given key.
 pub(crate) fn unique<K: Copy + Eq + std::hash::Hash>(keys: impl Iterator<Item = K>) -> (Vec<K>, Vec<u32>) {
     let mut known: HashMap<K, u32> = HashMap::new();
-    let mut different = Vec::new();
+    let mut distinct = Vec::new();
     let indices = keys
         .map(|key| match known.entry(key) {
             Entry::Occupied(entry) => *entry.get(),
             Entry::Vacant(entry) => {
-                different.push(key);
-                *entry.insert(different.len() as u32 - 1)
+                distinct.push(key);
+                *entry.insert(distinct.len() as u32 - 1)
             }
         })
         .collect();
-    (different, indices)
+    (distinct, indices)
 }
 
-/// As [`smooth`], where no two positions are equal.
+/// Like [`smooth`], for distinct positions.
 fn smooth_welded(
     positions: &[Vec3],
     triangles: &[[u32; 3]],
     crease_angle_rad: f32,
     smoothing_group: impl Fn(usize) -> Option<u32>,
-) -> Smooth {
+) -> SmoothedMesh {
     let faces: Vec<Vec3> =
         triangles.iter().map(|corners| face_normal(corners.map(|vertex| positions[vertex as usize]))).collect();
     let (first, corners) = corners_by_vertex(positions.len(), triangles);
@@ -85,7 +87,7 @@ fn smooth_welded(
         _ => false,
     };
 
-    let mut result = Smooth {
+    let mut result = SmoothedMesh {
         vertex_positions: Vec::with_capacity(positions.len()),
         vertex_normals: Vec::with_capacity(positions.len()),
         triangles: vec![[0; 3]; triangles.len()],
@@ -129,14 +131,14 @@ fn smooth_welded(
     result
 }
 
-/// Angle at the first point.
+/// Angle at the first point, in radians.
 fn corner_angle_rad(points: [Vec3; 3]) -> f32 {
     let [a, b, c] = points.map(Vec3::as_dvec3);
     let (u, v) = (b - a, c - a);
     u.cross(v).length().atan2(u.dot(v)) as f32
 }
 
-/// For each vertex, its corners (triangle · 3 + side): offsets and list.
+/// Returns the corners (triangle · 3 + side) of each vertex: offsets and list.
 fn corners_by_vertex(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     let mut first = vec![0_u32; vertices + 1];
     for &vertex in triangles.iter().flatten() {

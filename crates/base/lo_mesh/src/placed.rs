@@ -2,72 +2,74 @@ use lo_geometry::{Quat, Ray, Vec3};
 
 use crate::{Bounds, Hit, PreparedModel, SurfacePoint};
 
-/// Where a model stands: scaled, turned, then moved.
+/// Placement of a model in the world: scale, then rotation, then translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// Metres per model unit; positive.
+    /// Scale in metres per model unit; positive.
     pub scale: f32,
-    /// Unit quaternion.
+    /// Rotation, a unit quaternion.
     pub rotation: Quat,
-    /// World position of the model's origin, metres.
+    /// World position of the model's origin, in metres.
     pub translation: Vec3,
 }
 
 impl Default for Placement {
-    /// The model as it is.
+    /// The identity placement.
     fn default() -> Self {
         Self { scale: 1.0, rotation: Quat::IDENTITY, translation: Vec3::ZERO }
     }
 }
 
 impl Placement {
-    /// World position of a model point.
+    /// Transforms a model point to world coordinates.
     pub fn world_from_model(&self, point: Vec3) -> Vec3 {
         self.rotation * (point * self.scale) + self.translation
     }
 
-    /// Model point of a world position.
+    /// Transforms a world position to model coordinates.
     pub fn model_from_world(&self, point: Vec3) -> Vec3 {
         (self.rotation.conjugate() * (point - self.translation)) / self.scale
     }
 }
 
-/// A prepared model in the world. Rays are carried into the model, so moving it costs nothing.
+/// A prepared model placed in the world. Rays are transformed to model coordinates, so that moving the model is free.
 #[derive(Clone, Copy, Debug)]
 pub struct PlacedModel<'a> {
-    /// What stands there.
+    /// The model.
     pub prepared: &'a PreparedModel,
-    /// Where it stands.
+    /// Its placement.
     pub placement: Placement,
 }
 
 impl PlacedModel<'_> {
-    /// The closest surface that a viewer sees: backs of single-sided materials and fully transparent places are passed.
-    /// All distances are world metres.
+    /// Returns the closest visible hit. Skips back faces of single-sided materials and fully transparent points.
+    ///
+    /// All distances are in world metres.
     pub fn intersect(&self, ray: &Ray, max_distance_m: f32) -> Option<Hit> {
         self.world_hit(self.prepared.intersect(&self.model_ray(ray), max_distance_m / self.placement.scale))
     }
 
-    /// The closest surface whichever way it faces; fully transparent places are passed.
+    /// Returns the closest hit of a front or back face. Skips fully transparent points.
     pub fn intersect_both_sides(&self, ray: &Ray, max_distance_m: f32) -> Option<Hit> {
         self.world_hit(self.prepared.intersect_both_sides(&self.model_ray(ray), max_distance_m / self.placement.scale))
     }
 
-    /// Whether something that stops at least half of the light lies within the distance.
+    /// Whether a surface that blocks at least half of the light is within the distance.
     pub fn occluded(&self, ray: &Ray, max_distance_m: f32) -> bool {
         self.prepared.occluded(&self.model_ray(ray), max_distance_m / self.placement.scale)
     }
 
-    /// Share of the light that passes along the ray up to the distance.
+    /// Transmittance along the ray up to the distance.
     pub fn transmittance(&self, ray: &Ray, max_distance_m: f32) -> f32 {
         self.prepared.transmittance(&self.model_ray(ray), max_distance_m / self.placement.scale)
     }
 
-    /// Material and normals at a hit, in world coordinates; `direction` is the ray's, `footprint_m` the width of what
-    /// it stands for there (see [`crate::Model::surface`]).
+    /// Returns material and normals at a hit, in world coordinates.
+    ///
+    /// `direction` is the ray's, `footprint_m` the width of the ray's footprint (see [`crate::Model::surface`]).
     ///
     /// # Panics
-    /// Where `hit` is not one of this model.
+    /// If `hit` is not one of this model.
     pub fn surface(&self, hit: &Hit, direction: Vec3, footprint_m: f32) -> SurfacePoint {
         let Placement { scale, rotation, .. } = self.placement;
         let local = self.prepared.model().surface(hit, rotation.conjugate() * direction, footprint_m / scale);
@@ -79,7 +81,7 @@ impl PlacedModel<'_> {
         }
     }
 
-    /// Axis-parallel world box around the model (around its turned box: not the smallest one).
+    /// Axis-aligned world box around the model's rotated bounding box; not the smallest one.
     pub fn bounds(&self) -> Bounds {
         let local = self.prepared.bounds();
         let none = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };

@@ -1,10 +1,11 @@
 use lo_geometry::Vec3;
 
-/// Polygons with more corners are cut as a fan: ear clipping takes quadratic time.
+/// Number of corners beyond which polygons are triangulated as a fan: ear clipping takes quadratic time.
 const MAX_CLIPPED_CORNERS: usize = 1000;
 
-/// Cuts a simple polygon, convex or not, into triangles over its corner numbers by ear clipping (in the plane of its
-/// Newell normal). `points` are its corners in order; fewer than three give no triangle.
+/// Triangulates a simple polygon, convex or not, by ear clipping in the plane of its Newell normal.
+///
+/// `points` are its corners in order. `triangle` receives indices into them; fewer than three corners give no triangle.
 pub(crate) fn triangulate(points: &[Vec3], mut triangle: impl FnMut([usize; 3])) {
     let count = points.len();
     if count <= 3 || count > MAX_CLIPPED_CORNERS {
@@ -20,7 +21,7 @@ pub(crate) fn triangulate(points: &[Vec3], mut triangle: impl FnMut([usize; 3]))
         let [a, b, c] = [ring[(at + n - 1) % n], ring[at], ring[(at + 1) % n]];
         let is_ear = turn(flat[a], flat[b], flat[c]) > 0.0
             && !ring.iter().any(|&p| p != a && p != b && p != c && inside(flat[p], flat[a], flat[b], flat[c]));
-        // A polygon that crosses itself or has no area may have no ear: then any corner will do.
+        // A self-intersecting or degenerate polygon may have no ear: then clip any corner.
         if is_ear || misses >= n {
             triangle([a, b, c]);
             ring.remove(at);
@@ -34,10 +35,10 @@ pub(crate) fn triangulate(points: &[Vec3], mut triangle: impl FnMut([usize; 3]))
     triangle([ring[0], ring[1], ring[2]]);
 }
 
-/// The corners in the coordinate plane that the polygon faces most, counter-clockwise.
+/// Projects the corners onto the coordinate plane that the polygon faces most, counter-clockwise.
 fn projected(points: &[Vec3]) -> Vec<[f64; 2]> {
     let next = points.iter().cycle().skip(1);
-    // Newell's normal; relative to a corner, so that large coordinates do not cancel.
+    // Newell normal, relative to a corner to avoid cancellation of large coordinates.
     let origin = points[0].as_dvec3();
     let normal = points.iter().zip(next).fold(lo_geometry::Vec3::ZERO.as_dvec3(), |sum, (a, b)| {
         sum + (a.as_dvec3() - origin).cross(b.as_dvec3() - origin)
@@ -60,7 +61,7 @@ fn projected(points: &[Vec3]) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Twice the signed area: positive where a, b, c turn left.
+/// Twice the signed area; positive if a, b, c turn left.
 fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
@@ -82,7 +83,7 @@ mod tests {
             area += (b - a).cross(c - a).length() / 2.0;
             count += 1;
             let n = face_normal([a, b, c]);
-            assert!(normal == Vec3::ZERO || normal.distance(n) < 1e-5, "a triangle is turned over");
+            assert!(normal == Vec3::ZERO || normal.distance(n) < 1e-5, "a triangle is flipped");
             normal = n;
         });
         (area, count)
@@ -90,7 +91,7 @@ mod tests {
 
     #[test]
     fn concave_polygons_keep_their_area() {
-        // An L of area 3 in each coordinate plane, from both sides.
+        // An L shape of area 3 in each coordinate plane, from both sides.
         let l = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
         let planes: [fn([f32; 2]) -> Vec3; 3] =
             [|[u, v]| Vec3::new(u, v, 3.0), |[u, v]| Vec3::new(v, 3.0, u), |[u, v]| Vec3::new(3.0, u, v)];

@@ -5,7 +5,7 @@ use lo_geometry::{Ray, Vec3};
 use crate::bvh::{Candidate, MeshBvh};
 use crate::{AlphaMode, Bounds, Model};
 
-/// Where a ray meets a model.
+/// An intersection of a ray with a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Distance along the ray in metres.
@@ -16,15 +16,17 @@ pub struct Hit {
     pub barycentric: [f32; 2],
 }
 
-/// A model with what ray casting needs; built once, then only read. All coordinates are the model's own
-/// ([`crate::PlacedModel`] puts it into the world).
+/// A model with its acceleration structure for ray casting; immutable.
+///
+/// All coordinates are model coordinates ([`crate::PlacedModel`] places it in the world).
 #[derive(Clone, Debug)]
 pub struct PreparedModel {
     model: Model,
     bounds: Bounds,
     bvh: MeshBvh,
-    /// Whether some material lets light through or is cut out.
+    /// Whether any used material has alpha.
     has_alpha: bool,
+    /// Whether any used material is single-sided.
     has_single_sided: bool,
 }
 
@@ -44,27 +46,27 @@ impl PreparedModel {
         }
     }
 
-    /// The model itself.
+    /// The model.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Box around all triangles.
+    /// Bounding box of all triangles.
     pub fn bounds(&self) -> Bounds {
         self.bounds
     }
 
-    /// The closest surface that a viewer sees: backs of single-sided materials and fully transparent places are passed.
+    /// Returns the closest visible hit. Skips back faces of single-sided materials and fully transparent points.
     pub fn intersect(&self, ray: &Ray, max_distance_m: f32) -> Option<Hit> {
         self.closest(ray, max_distance_m, true)
     }
 
-    /// The closest surface whichever way it faces; fully transparent places are passed.
+    /// Returns the closest hit of a front or back face. Skips fully transparent points.
     pub fn intersect_both_sides(&self, ray: &Ray, max_distance_m: f32) -> Option<Hit> {
         self.closest(ray, max_distance_m, false)
     }
 
-    /// Whether something that stops at least half of the light lies within the distance, whichever way it faces.
+    /// Whether a surface that blocks at least half of the light, front or back face, is within the distance.
     pub fn occluded(&self, ray: &Ray, max_distance_m: f32) -> bool {
         let mut blocked = false;
         self.bvh.crossings(ray.origin, ray.direction, max_distance_m, |candidate| {
@@ -77,7 +79,7 @@ impl PreparedModel {
         blocked
     }
 
-    /// Share of the light that passes along the ray up to the distance: the product of 1 − alpha of all surfaces.
+    /// Transmittance along the ray up to the distance: the product of 1 − alpha of all surfaces.
     pub fn transmittance(&self, ray: &Ray, max_distance_m: f32) -> f32 {
         if !self.has_alpha {
             return if self.occluded(ray, max_distance_m) { 0.0 } else { 1.0 };
@@ -90,9 +92,10 @@ impl PreparedModel {
         passed
     }
 
-    /// Calls `visit` for every triangle that the ray crosses within the distance, whichever way it faces and however
-    /// transparent it is, roughly from near to far, until it breaks. What `visit` returns is the distance beyond which
-    /// nothing matters any more.
+    /// Calls `visit` for every triangle that the ray crosses within the distance, until it breaks.
+    ///
+    /// Includes back faces and transparent surfaces. The order is roughly from near to far. `visit` returns the
+    /// distance beyond which crossings may be skipped.
     pub fn crossings(&self, ray: &Ray, max_distance_m: f32, mut visit: impl FnMut(&Hit) -> ControlFlow<(), f32>) {
         self.bvh.crossings(ray.origin, ray.direction, max_distance_m, |candidate| visit(&hit_from(&candidate)));
     }
@@ -100,10 +103,10 @@ impl PreparedModel {
     fn closest(&self, ray: &Ray, max_distance_m: f32, cull: bool) -> Option<Hit> {
         let cull = cull && self.has_single_sided;
         let mut best: Option<Hit> = None;
-        let mut most = max_distance_m;
+        let mut limit_m = max_distance_m;
         self.bvh.crossings(ray.origin, ray.direction, max_distance_m, |candidate| {
             let hit = hit_from(&candidate);
-            // Among equals the lowest index wins, so that the order of traversal does not matter.
+            // Ties go to the lowest index, so that the result does not depend on the traversal order.
             let nearer = best.is_none_or(|b| (hit.distance_m, hit.triangle) < (b.distance_m, b.triangle));
             let hidden = || {
                 let material = self.model.triangle_materials[hit.triangle as usize] as usize;
@@ -112,9 +115,9 @@ impl PreparedModel {
             };
             if nearer && !hidden() {
                 best = Some(hit);
-                most = hit.distance_m;
+                limit_m = hit.distance_m;
             }
-            ControlFlow::Continue(most)
+            ControlFlow::Continue(limit_m)
         });
         best
     }
@@ -128,10 +131,12 @@ fn hit_from(candidate: &Candidate) -> Hit {
     }
 }
 
-/// Start of a ray that leaves the surface at `position`: moved along the normal (towards the side that the ray leaves
-/// on) by the least amount that rounding makes safe (Wächter & Binder 2019, Ray Tracing Gems ch. 6).
+/// Offsets the origin of a ray that leaves a surface at `position`, to avoid self-intersection.
+///
+/// Moves it along the normal (towards the side that the ray leaves on) by the least amount that is safe under rounding
+/// (Wächter & Binder 2019, Ray Tracing Gems ch. 6).
 pub fn offset_origin(position: Vec3, normal: Vec3) -> Vec3 {
-    /// Below this coordinate a fixed distance is added, above it units in the last place.
+    /// Coordinate below which a fixed distance is added; above it, units in the last place.
     const NEAR_ZERO: f32 = 1.0 / 32.0;
     const FIXED: f32 = 1.0 / 65536.0;
     const LAST_PLACES: f32 = 256.0;

@@ -1,4 +1,4 @@
-//! Materials by name and from JSON, for meshes that bring none or should look otherwise.
+//! Material presets and materials from JSON, for meshes without materials and to override those of others.
 
 use std::path::Path;
 
@@ -6,8 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::{AlphaMode, Material, MeshError, MeshWarning, Model, Texture, TextureRef, tangents};
 
-/// Name, linear base colour, metallic, roughness. Metals: reflectance at normal incidence as published for
-/// metallic-roughness renderers (Hoffman, "Physics and Math of Shading", SIGGRAPH 2015; physicallybased.info).
+/// Name, linear base colour, metalness and roughness of each preset.
+///
+/// Base colours of metals are published reflectances at normal incidence for metallic-roughness renderers (Hoffman,
+/// "Physics and Math of Shading", SIGGRAPH 2015; physicallybased.info).
 const PRESETS: [(&str, [f32; 3], f32, f32); 19] = [
     ("matte-white", [0.8, 0.8, 0.8], 0.0, 1.0),
     ("matte-grey", [0.18, 0.18, 0.18], 0.0, 1.0),
@@ -31,68 +33,68 @@ const PRESETS: [(&str, [f32; 3], f32, f32); 19] = [
 ];
 
 impl Material {
-    /// A material of [`Material::preset_names`]; both sides show.
+    /// Returns the double-sided material of a name of [`Material::preset_names`].
     pub fn preset(name: &str) -> Option<Self> {
         let &(name, [r, g, b], metallic, roughness) = PRESETS.iter().find(|preset| preset.0 == name)?;
         Some(Self { name: name.to_owned(), base_color: [r, g, b, 1.0], metallic, roughness, ..Self::default() })
     }
 
-    /// Names that [`Material::preset`] knows.
+    /// Names of all presets.
     pub fn preset_names() -> impl Iterator<Item = &'static str> {
         PRESETS.iter().map(|preset| preset.0)
     }
 }
 
-/// A material as a user describes it: a preset's name, or JSON such as
+/// A material description by a user: a preset's name, or JSON such as
 /// `{"preset":"gold","roughness":0.4}` or `{"base_color":"#c02020","base_color_texture":"wood.png"}`.
 ///
-/// Left out fields keep the preset's values (without one: white, not metallic, roughness 0.5, both sides).
+/// Omitted fields keep the preset's values (without a preset: white, dielectric, roughness 0.5, double-sided).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MaterialSpec {
-    /// Where the other fields start from.
+    /// Preset that the other fields modify.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
-    /// Linear RGB or RGBA in [0, 1], or sRGB as "#rrggbb".
+    /// Base colour: linear RGB or RGBA in [0, 1], or sRGB as "#rrggbb".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base_color: Option<Color>,
     /// Coverage in [0, 1]; below 1 the alpha mode becomes "blend" unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alpha: Option<f32>,
-    /// 0 dielectric … 1 metal.
+    /// Metalness: 0 for dielectrics, 1 for metals.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metallic: Option<f32>,
     /// Perceptual roughness in [0, 1].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roughness: Option<f32>,
-    /// Linear RGB radiance given off, 1 is the photo's white; or sRGB as "#rrggbb".
+    /// Emitted radiance: linear RGB, where 1 is the photo's white, or sRGB as "#rrggbb".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub emissive: Option<Color>,
-    /// Picture file, sRGB.
+    /// Image file of the base colour, sRGB.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base_color_texture: Option<String>,
-    /// Picture file: green roughness, blue metallic.
+    /// Image file of roughness (green) and metalness (blue).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metallic_roughness_texture: Option<String>,
-    /// Picture file: tangent-space normals, +Y up.
+    /// Image file of tangent-space normals, +Y up.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normal_texture: Option<String>,
     /// Scale of the normal texture's x and y.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normal_scale: Option<f32>,
-    /// Picture file, sRGB.
+    /// Image file of the emission, sRGB.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub emissive_texture: Option<String>,
-    /// "opaque", "mask" or "blend".
+    /// Alpha mode: "opaque", "mask" or "blend".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alpha_mode: Option<AlphaModeName>,
-    /// Smallest alpha that shows under "mask"; 0.5.
+    /// Smallest visible alpha under "mask"; 0.5 by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alpha_cutoff: Option<f32>,
-    /// Whether the back shows too.
+    /// Whether back faces are visible.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub double_sided: Option<bool>,
-    /// Base colour is shown as it is, without light.
+    /// Whether the base colour is shown without lighting.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unlit: Option<bool>,
 }
@@ -109,23 +111,23 @@ pub enum Color {
     Hex(String),
 }
 
-/// Alpha modes by name.
+/// Alpha mode of a material description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AlphaModeName {
     /// Alpha is ignored.
     Opaque,
-    /// Visible where alpha reaches the cutoff.
+    /// Opaque where alpha reaches the cutoff, else fully transparent.
     Mask,
     /// Alpha is coverage.
     Blend,
 }
 
 impl MaterialSpec {
-    /// Reads a preset's name or JSON, and checks every value.
+    /// Parses a preset's name or JSON, and checks every value.
     ///
     /// # Errors
-    /// [`MeshError::UnknownMaterial`] with the names that exist; [`MeshError::MaterialJson`] naming the field.
+    /// [`MeshError::UnknownMaterial`] with the names of all presets; [`MeshError::MaterialJson`] naming the field.
     pub fn parse(text: &str) -> Result<Self, MeshError> {
         let text = text.trim();
         let spec = if text.starts_with('{') {
@@ -137,22 +139,22 @@ impl MaterialSpec {
         Ok(spec)
     }
 
-    /// The picture files that it names.
+    /// Names of the texture files.
     pub fn files(&self) -> impl Iterator<Item = &str> {
         let files =
             [&self.base_color_texture, &self.metallic_roughness_texture, &self.normal_texture, &self.emissive_texture];
         files.into_iter().flatten().map(String::as_str)
     }
 
-    /// What [`MaterialSpec::parse`] reads as this: the preset's name where nothing else is said.
+    /// Formats the description so that [`MaterialSpec::parse`] reads it back: the preset's name if nothing else is set.
     pub fn to_text(&self) -> String {
         match &self.preset {
             Some(name) if *self == (Self { preset: Some(name.clone()), ..Self::default() }) => name.clone(),
-            _ => serde_json::to_string(self).expect("names and numbers can be written as JSON"),
+            _ => serde_json::to_string(self).expect("serialising strings and numbers cannot fail"),
         }
     }
 
-    /// The material without its textures.
+    /// Returns the material without its textures.
     fn factors(&self) -> Result<Material, MeshError> {
         let mut material = match &self.preset {
             Some(name) => Material::preset(name).ok_or_else(|| MeshError::UnknownMaterial {
@@ -163,17 +165,21 @@ impl MaterialSpec {
         };
         if let Some(color) = &self.base_color {
             let [r, g, b, a] = color.linear("base_color")?;
-            material.base_color =
-                [share("base_color", r)?, share("base_color", g)?, share("base_color", b)?, share("base_color", a)?];
+            material.base_color = [
+                unit_interval("base_color", r)?,
+                unit_interval("base_color", g)?,
+                unit_interval("base_color", b)?,
+                unit_interval("base_color", a)?,
+            ];
         }
         if let Some(alpha) = self.alpha {
-            material.base_color[3] = share("alpha", alpha)?;
+            material.base_color[3] = unit_interval("alpha", alpha)?;
         }
         if let Some(metallic) = self.metallic {
-            material.metallic = share("metallic", metallic)?;
+            material.metallic = unit_interval("metallic", metallic)?;
         }
         if let Some(roughness) = self.roughness {
-            material.roughness = share("roughness", roughness)?;
+            material.roughness = unit_interval("roughness", roughness)?;
         }
         if let Some(emissive) = &self.emissive {
             let [r, g, b, _] = emissive.linear("emissive")?;
@@ -183,11 +189,11 @@ impl MaterialSpec {
         }
         if let Some(scale) = self.normal_scale {
             if !scale.is_finite() {
-                return Err(MeshError::MaterialJson(format!("normal_scale is {scale}")));
+                return Err(MeshError::MaterialJson(format!("normal_scale must be finite, got {scale}")));
             }
             material.normal_scale = scale;
         }
-        let cutoff = share("alpha_cutoff", self.alpha_cutoff.unwrap_or(0.5))?;
+        let cutoff = unit_interval("alpha_cutoff", self.alpha_cutoff.unwrap_or(0.5))?;
         material.alpha_mode = match self.alpha_mode {
             Some(AlphaModeName::Mask) => AlphaMode::Mask { cutoff },
             Some(AlphaModeName::Blend) => AlphaMode::Blend,
@@ -209,7 +215,7 @@ impl Color {
             Self::Hex(text) => {
                 let code = text.strip_prefix('#').filter(|hex| hex.len() == 6 && hex.is_ascii());
                 let code = code.and_then(|hex| u32::from_str_radix(hex, 16).ok()).ok_or_else(|| {
-                    MeshError::MaterialJson(format!("{field} is \"{text}\"; a colour code looks like \"#c02020\""))
+                    MeshError::MaterialJson(format!("{field} must be a colour code like \"#c02020\", got \"{text}\""))
                 })?;
                 let [_, r, g, b] = code.to_be_bytes();
                 let [r, g, b] = [r, g, b].map(lo_imaging::linear_from_srgb8);
@@ -219,24 +225,24 @@ impl Color {
         if color.iter().all(|x| x.is_finite() && *x >= 0.0) {
             Ok(color)
         } else {
-            Err(MeshError::MaterialJson(format!("{field} is {color:?}; it must not be negative")))
+            Err(MeshError::MaterialJson(format!("{field} must be finite and not negative, got {color:?}")))
         }
     }
 }
 
-fn share(field: &str, value: f32) -> Result<f32, MeshError> {
+fn unit_interval(field: &str, value: f32) -> Result<f32, MeshError> {
     if (0.0..=1.0).contains(&value) {
         Ok(value)
     } else {
-        Err(MeshError::MaterialJson(format!("{field} is {value}; it lies between 0 and 1")))
+        Err(MeshError::MaterialJson(format!("{field} must be between 0 and 1, got {value}")))
     }
 }
 
 impl Model {
-    /// Gives the whole model one material. Textures are read relative to `base_dir`.
+    /// Replaces all materials of the model by one. Texture files are relative to `base_dir`.
     ///
     /// # Errors
-    /// As [`MaterialSpec::parse`]; [`MeshError::Texture`] where a picture cannot be used.
+    /// As for [`MaterialSpec::parse`]; [`MeshError::Texture`] if an image cannot be used.
     pub fn override_material(&mut self, spec: &MaterialSpec, base_dir: &Path) -> Result<(), MeshError> {
         let mut material = spec.factors()?;
         let mut textures = Vec::new();
@@ -257,7 +263,7 @@ impl Model {
             textures.push(Texture::from_bytes(file, &bytes, srgb)?);
             *slot = Some(TextureRef::new(textures.len() - 1));
         }
-        // A metallic picture scales the factor, which is 0 by default.
+        // The texture multiplies the factors, whose metalness is 0 by default.
         if material.metallic_roughness_texture.is_some() && spec.preset.is_none() {
             material.metallic = spec.metallic.unwrap_or(1.0);
             material.roughness = spec.roughness.unwrap_or(1.0);
@@ -314,18 +320,22 @@ mod tests {
     #[test]
     fn errors_name_the_field() {
         let error = |text| MaterialSpec::parse(text).unwrap_err().to_string();
-        assert!(error("gould").starts_with("no material is called 'gould'; give JSON such as {\"base_color\":[0.8,0.1,0.1]} or one of: matte-white, matte-grey"));
+        assert!(error("gould").starts_with(
+            "unknown material 'gould'; give JSON such as {\"base_color\":[0.8,0.1,0.1]} or one of: matte-white, matte-grey"
+        ));
         assert!(
             error(r#"{"roughnes":0.4}"#)
                 .starts_with("material JSON: unknown field `roughnes`, expected one of `preset`")
         );
-        assert_eq!(error(r#"{"roughness":1.4}"#), "material JSON: roughness is 1.4; it lies between 0 and 1");
+        assert_eq!(error(r#"{"roughness":1.4}"#), "material JSON: roughness must be between 0 and 1, got 1.4");
         assert_eq!(
             error(r#"{"base_color":"red"}"#),
-            "material JSON: base_color is \"red\"; a colour code looks like \"#c02020\""
+            "material JSON: base_color must be a colour code like \"#c02020\", got \"red\""
         );
         assert!(error(r#"{"base_color":[1,2]}"#).contains("a colour is [r, g, b], [r, g, b, a] or \"#rrggbb\""));
-        assert!(error(r#"{"emissive":[1,-2,0]}"#).starts_with("material JSON: emissive is [1.0, -2.0, 0.0"));
+        assert!(
+            error(r#"{"emissive":[1,-2,0]}"#).starts_with("material JSON: emissive must be finite and not negative")
+        );
         assert!(error(r#"{"metallic":"#).starts_with("material JSON: EOF"));
     }
 
@@ -340,7 +350,7 @@ mod tests {
         lo_imaging::write_rgba8(folder.path().join("up.png"), &picture, lo_imaging::GENERATOR).unwrap();
         let spec = MaterialSpec::parse(r#"{"normal_texture":"up.png"}"#).unwrap();
         model.override_material(&spec, folder.path()).unwrap();
-        // u grows along +X, v (down) along −Y: tangent +X, bitangent +Y.
+        // u increases along +X, v (down) along −Y: tangent +X, bitangent +Y.
         assert_eq!(model.tangents, vec![[1.0, 0.0, 0.0, 1.0]; 3]);
         let spec = MaterialSpec::parse(r#"{"base_color_texture":"missing.png"}"#).unwrap();
         let error = model.override_material(&spec, folder.path()).unwrap_err().to_string();

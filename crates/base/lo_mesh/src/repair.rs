@@ -2,10 +2,10 @@ use lo_geometry::Vec3;
 
 use crate::{MeshError, MeshWarning, Model};
 
-/// Coordinates beyond this (metres) are refused like infinity: their squares must stay finite in `f32`.
+/// Largest usable coordinate, in metres: its square is finite in `f32`.
 const LARGEST_COORDINATE: f32 = 1e15;
 
-/// Checks that every index names a vertex.
+/// Checks that every index is in range.
 pub(crate) fn check_indices(triangles: &[[u32; 3]], count: usize) -> Result<(), MeshError> {
     for (triangle, corners) in triangles.iter().enumerate() {
         if let Some(&index) = corners.iter().find(|&&index| index as usize >= count) {
@@ -16,11 +16,11 @@ pub(crate) fn check_indices(triangles: &[[u32; 3]], count: usize) -> Result<(), 
     Ok(())
 }
 
-/// Drops triangles without a finite area (with a warning) and replaces normals, texture coordinates and colours
-/// that are not numbers.
+/// Drops triangles without a finite, positive area (with a warning) and replaces invalid normals, texture coordinates
+/// and colours.
 ///
 /// # Errors
-/// Indices out of range; no triangle left.
+/// Indices out of range, or no triangle left.
 pub(crate) fn repair(model: &mut Model) -> Result<(), MeshError> {
     check_indices(&model.triangles, model.positions.len())?;
     let read = model.triangles.len();
@@ -36,7 +36,7 @@ pub(crate) fn repair(model: &mut Model) -> Result<(), MeshError> {
             let points = corners.map(|vertex| positions[vertex as usize]);
             let finite = points.iter().all(|&p| usable(p));
             not_finite += usize::from(!finite);
-            // In f64 the product of two f32 edges cannot underflow to nothing.
+            // In f64 the product of two f32 edges cannot underflow to 0.
             let [a, b, c] = points.map(Vec3::as_dvec3);
             let area = (b - a).cross(c - a).length_squared();
             flat += usize::from(finite && area == 0.0);
@@ -80,7 +80,7 @@ pub(crate) fn repair(model: &mut Model) -> Result<(), MeshError> {
     Ok(())
 }
 
-/// Makes all normals unit vectors; where a file has none that is usable, the area-weighted mean of the faces counts.
+/// Normalises all normals. Replaces unusable ones by the normalised sum of the face normals.
 fn repair_normals(model: &mut Model) {
     for normal in &mut model.normals {
         *normal = normal.as_dvec3().normalize_or_zero().as_vec3();
@@ -108,7 +108,7 @@ fn repair_normals(model: &mut Model) {
     }
 }
 
-/// Unit normal of a triangle, counter-clockwise; zero where it has no area.
+/// Unit normal of a counter-clockwise triangle; zero if it has no area.
 pub(crate) fn face_normal(points: [Vec3; 3]) -> Vec3 {
     let [a, b, c] = points.map(Vec3::as_dvec3);
     (b - a).cross(c - a).normalize_or_zero().as_vec3()

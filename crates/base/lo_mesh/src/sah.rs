@@ -3,14 +3,15 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 
-/// Places where a node may be cut, per axis.
+/// Number of bins per axis.
 const BINS: usize = 16;
 
-/// Below this depth nodes are halved, so that no mesh makes the tree deeper than this plus log₂ of its triangles.
-/// (The library's own builder needs quadratic time and overflows the stack on thousands of equal boxes.)
-const DEEPEST_SAH: u32 = 40;
+/// Depth beyond which nodes are halved, so that the tree's depth is at most this plus log₂ of the triangles.
+///
+/// (The library's own builder needs quadratic time and overflows the stack for thousands of equal boxes.)
+const MAX_SAH_DEPTH: u32 = 40;
 
-/// Axis-parallel box.
+/// An axis-aligned box.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Box3 {
     pub min: Vec3,
@@ -37,13 +38,13 @@ impl Box3 {
         size.x * size.y + size.y * size.z + size.z * size.x
     }
 
-    /// Twice the centre: the factor does not matter for comparing.
+    /// Twice the centre; the factor is irrelevant for comparisons.
     fn center2(&self) -> Vec3 {
         self.min + self.max
     }
 }
 
-/// Binary tree by the binned surface area heuristic (Wald 2007), one box per leaf. `boxes` is not empty.
+/// Builds a binary tree by the binned surface area heuristic (Wald 2007), one box per leaf. `boxes` must not be empty.
 pub(crate) fn build(boxes: &[Box3]) -> Bvh2 {
     let mut indices: Vec<u32> = (0..boxes.len() as u32).collect();
     let mut nodes = Vec::with_capacity(2 * boxes.len());
@@ -64,9 +65,9 @@ pub(crate) fn build(boxes: &[Box3]) -> Bvh2 {
             nodes[node] = Bvh2Node::new(aabb, 1, from as u32);
             continue;
         }
-        let cut = if depth < DEEPEST_SAH { best_cut(boxes, range, &centers) } else { None };
-        let middle = match cut {
-            Some(cut) => partition(range, |index| cut.bin(boxes[index as usize].center2()) <= cut.last),
+        let split = if depth < MAX_SAH_DEPTH { best_split(boxes, range, &centers) } else { None };
+        let middle = match split {
+            Some(split) => partition(range, |index| split.bin(boxes[index as usize].center2()) <= split.last),
             None => range.len() / 2,
         };
         let first_child = nodes.len();
@@ -79,7 +80,7 @@ pub(crate) fn build(boxes: &[Box3]) -> Bvh2 {
 }
 
 /// A plane between two bins.
-struct Cut {
+struct SplitPlane {
     axis: usize,
     start: f32,
     bins_per_unit: f32,
@@ -87,29 +88,29 @@ struct Cut {
     last: usize,
 }
 
-impl Cut {
+impl SplitPlane {
     fn bin(&self, center2: Vec3) -> usize {
         (((center2[self.axis] - self.start) * self.bins_per_unit) as usize).min(BINS - 1)
     }
 }
 
-/// The cut of least cost; none where all centres are (nearly) one.
-fn best_cut(boxes: &[Box3], range: &[u32], centers: &Box3) -> Option<Cut> {
-    let mut best: Option<(f32, Cut)> = None;
+/// Returns the split of least cost; `None` if all centres (nearly) coincide.
+fn best_split(boxes: &[Box3], range: &[u32], centers: &Box3) -> Option<SplitPlane> {
+    let mut best: Option<(f32, SplitPlane)> = None;
     for axis in 0..3 {
         let bins_per_unit = BINS as f32 / (centers.max[axis] - centers.min[axis]);
         if !bins_per_unit.is_finite() {
             continue;
         }
-        let mut cut = Cut { axis, start: centers.min[axis], bins_per_unit, last: 0 };
+        let mut split = SplitPlane { axis, start: centers.min[axis], bins_per_unit, last: 0 };
         let mut bins = [(Box3::EMPTY, 0_usize); BINS];
         for &index in range {
             let member = boxes[index as usize];
-            let (bounds, count) = &mut bins[cut.bin(member.center2())];
+            let (bounds, count) = &mut bins[split.bin(member.center2())];
             *bounds = bounds.union(member);
             *count += 1;
         }
-        // Cost of everything beyond each bin, then of everything up to it.
+        // Cost of all bins beyond each one, then of all bins up to it.
         let mut beyond = [0.0; BINS];
         let (mut bounds, mut count) = (Box3::EMPTY, 0);
         for bin in (1..BINS).rev() {
@@ -126,15 +127,15 @@ fn best_cut(boxes: &[Box3], range: &[u32], centers: &Box3) -> Option<Cut> {
             }
             let cost = bounds.half_area() * count as f32 + beyond[last];
             if cost.is_finite() && best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                cut.last = last;
-                best = Some((cost, Cut { ..cut }));
+                split.last = last;
+                best = Some((cost, SplitPlane { ..split }));
             }
         }
     }
-    best.map(|(_, cut)| cut)
+    best.map(|(_, split)| split)
 }
 
-/// Moves what is `near` to the front and returns how many that are.
+/// Moves the indices that are `near` to the front and returns their number.
 fn partition(range: &mut [u32], near: impl Fn(u32) -> bool) -> usize {
     let mut middle = 0;
     for i in 0..range.len() {

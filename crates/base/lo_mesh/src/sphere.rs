@@ -4,14 +4,15 @@ use lo_geometry::Vec3;
 
 use crate::{LoadOptions, Material, MeshError, Model};
 
-/// Most times that the triangles of a sphere are split: 20 · 4⁹ are five million.
+/// Largest number of subdivisions of a sphere: 20 · 4⁹ is five million triangles.
 const MAX_SUBDIVISIONS: u32 = 9;
 
 impl Model {
-    /// A closed sphere about the origin: an icosahedron whose triangles are split into four `subdivisions` times.
+    /// Creates a closed sphere about the origin: an icosahedron whose triangles are split into four `subdivisions`
+    /// times.
     ///
     /// # Errors
-    /// A radius that is no positive number; more than nine subdivisions.
+    /// A radius that is not positive and finite, or more than nine subdivisions.
     pub fn sphere(radius_m: f32, subdivisions: u32, material: Material) -> Result<Self, MeshError> {
         if subdivisions > MAX_SUBDIVISIONS {
             return Err(MeshError::TooLarge {
@@ -26,9 +27,9 @@ impl Model {
     }
 }
 
-/// Unit directions and the triangles between them, seen from outside.
+/// Returns unit directions and the triangles between them, counter-clockwise from outside.
 fn icosphere(subdivisions: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    // the corners of three golden rectangles
+    // corners of three golden rectangles
     let g = 0.5 * (1.0 + 5f32.sqrt());
     let corner = |i: usize| {
         let mut p = [0.0, if i & 1 == 0 { 1.0 } else { -1.0 }, if i & 2 == 0 { g } else { -g }];
@@ -55,9 +56,9 @@ fn icosphere(subdivisions: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (directions, triangles)
 }
 
-/// The faces of an icosahedron: all triples of corners that are neighbours, counter-clockwise from outside.
+/// Returns the faces of an icosahedron: all triples of neighbouring corners, counter-clockwise from outside.
 fn faces(corners: &[Vec3]) -> Vec<[u32; 3]> {
-    // neighbours lie 63.4° apart, others 116.6° and more
+    // neighbours are 63.4° apart, others at least 116.6°
     let joined = |a: usize, b: usize| corners[a].dot(corners[b]) > 0.0;
     let mut faces = Vec::new();
     for a in 0..corners.len() {

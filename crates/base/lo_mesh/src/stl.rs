@@ -1,5 +1,4 @@
-//! STL, ASCII or binary. The normals of the file are ignored: the winding says the same, and exporters often leave
-//! them zero.
+//! STL, ASCII or binary. The file's normals are ignored: they follow from the winding, and exporters often write zeros.
 
 use lo_geometry::Vec3;
 
@@ -8,7 +7,7 @@ use crate::{LoadOptions, MeshError, Model, normals};
 const HEADER_BYTES: usize = 84;
 const TRIANGLE_BYTES: usize = 50;
 
-/// Reads the model without checking or completing its vertices.
+/// Reads the model, without checking or completing its vertices.
 pub(crate) fn read(bytes: &[u8], options: &LoadOptions) -> Result<Model, MeshError> {
     let points = if is_ascii(bytes) { read_ascii(bytes)? } else { read_binary(bytes)? };
     if points.is_empty() {
@@ -27,28 +26,28 @@ pub(crate) fn read(bytes: &[u8], options: &LoadOptions) -> Result<Model, MeshErr
     })
 }
 
-/// Binary files may begin with "solid" too; theirs is the length that their count announces.
+/// Whether the file is ASCII. Binary files may also begin with "solid", but have exactly the declared length.
 fn is_ascii(bytes: &[u8]) -> bool {
     let begins = bytes.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-    begins && announced_bytes(bytes) != Some(bytes.len())
+    begins && declared_bytes(bytes) != Some(bytes.len())
 }
 
-fn announced_bytes(bytes: &[u8]) -> Option<usize> {
+fn declared_bytes(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(80..HEADER_BYTES)?.try_into().ok().map(u32::from_le_bytes)?;
     (count as usize).checked_mul(TRIANGLE_BYTES)?.checked_add(HEADER_BYTES)
 }
 
-/// Three points per triangle.
+/// Reads a binary file to three points per triangle.
 fn read_binary(bytes: &[u8]) -> Result<Vec<Vec3>, MeshError> {
-    let announced = announced_bytes(bytes)
-        .ok_or_else(|| MeshError::syntax("STL", format!("byte {}", bytes.len()), "the file ends inside the header"))?;
-    if announced > bytes.len() {
-        let (count, held) =
-            ((announced - HEADER_BYTES) / TRIANGLE_BYTES, (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES);
-        let what = format!("{count} triangles announced, the file holds {held}");
+    let declared = declared_bytes(bytes).ok_or_else(|| {
+        MeshError::syntax("STL", format!("byte {}", bytes.len()), "unexpected end of file in the header")
+    })?;
+    if declared > bytes.len() {
+        let (count, held) = ((declared - HEADER_BYTES) / TRIANGLE_BYTES, (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES);
+        let what = format!("the header declares {count} triangles, the file has {held}");
         return Err(MeshError::syntax("STL", "byte 80", what));
     }
-    let triangles = bytes[HEADER_BYTES..announced].chunks_exact(TRIANGLE_BYTES);
+    let triangles = bytes[HEADER_BYTES..declared].chunks_exact(TRIANGLE_BYTES);
     Ok(triangles.flat_map(|triangle| [12, 24, 36].map(|at| point(&triangle[at..at + 12]))).collect())
 }
 
@@ -60,7 +59,7 @@ fn point(bytes: &[u8]) -> Vec3 {
 fn read_ascii(bytes: &[u8]) -> Result<Vec<Vec3>, MeshError> {
     let mut points = Vec::new();
     let mut facet = 0;
-    let broken = |line: usize, what: &str| MeshError::syntax("STL", format!("line {}", line + 1), what);
+    let invalid = |line: usize, what: &str| MeshError::syntax("STL", format!("line {}", line + 1), what);
     let mut last = 0;
     for (number, line) in bytes.split(|&byte| byte == b'\n').enumerate() {
         last = number;
@@ -70,20 +69,20 @@ fn read_ascii(bytes: &[u8]) -> Result<Vec<Vec3>, MeshError> {
             Some("vertex") => {
                 let mut next = || words.next().and_then(|word| word.parse().ok());
                 let (Some(x), Some(y), Some(z)) = (next(), next(), next()) else {
-                    return Err(broken(number, "a vertex needs three numbers"));
+                    return Err(invalid(number, "a vertex needs three numbers"));
                 };
                 points.push(Vec3::new(x, y, z));
                 facet += 1;
             }
             Some("endfacet" | "endloop") if facet != 0 && facet != 3 => {
-                return Err(broken(number, "a facet needs three vertices"));
+                return Err(invalid(number, "a facet needs three vertices"));
             }
             Some("endfacet") => facet = 0,
             _ => {}
         }
     }
     if facet != 0 {
-        return Err(broken(last, "the file ends inside a facet"));
+        return Err(invalid(last, "unexpected end of file in a facet"));
     }
     Ok(points)
 }

@@ -43,14 +43,17 @@ fn both_kinds_weld_to_a_square() {
 #[test]
 fn errors_say_what() {
     let error = |bytes: &[u8]| read(bytes).unwrap_err().to_string();
-    assert_eq!(error(b"xyz"), "broken STL at byte 3: the file ends inside the header");
+    assert_eq!(error(b"xyz"), "invalid STL file at byte 3: unexpected end of file in the header");
     let mut hostile = binary();
     hostile[0] = b'x';
     hostile[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
-    assert_eq!(error(&hostile), "broken STL at byte 80: 4294967295 triangles announced, the file holds 2");
+    assert_eq!(
+        error(&hostile),
+        "invalid STL file at byte 80: the header declares 4294967295 triangles, the file has 2"
+    );
     assert_eq!(error(&[0; 84]), "the mesh has no triangles");
     assert_eq!(error(b"solid x\nendsolid"), "the mesh has no triangles");
-    assert_eq!(error(b"solid x\nvertex 1 2\n"), "broken STL at line 2: a vertex needs three numbers");
+    assert_eq!(error(b"solid x\nvertex 1 2\n"), "invalid STL file at line 2: a vertex needs three numbers");
 }
 
 #[test]

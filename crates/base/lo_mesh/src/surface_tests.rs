@@ -5,7 +5,7 @@ use lo_imaging::Image;
 
 use crate::{AlphaMode, LoadOptions, Material, Model, PreparedModel, Texture, TextureRef};
 
-/// A unit square in the XY plane seen from +Z, its picture upright.
+/// A unit square in the XY plane seen from +Z, with an upright texture.
 fn square(material: Material) -> Model {
     let positions = vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
     let mut model =
@@ -21,7 +21,7 @@ fn down(x: f32, y: f32) -> Ray {
 #[test]
 fn colours_multiply_and_the_picture_stands_upright() {
     let mut model = square(Material { base_color: [0.5, 1.0, 1.0, 1.0], ..Material::default() });
-    // Left column red over blue, right column green over white.
+    // Left column red above blue, right column green above white.
     let pixels = vec![[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255; 4]];
     model.textures.push(Texture::from_image(Image::new(2, 2, pixels), true));
     model.materials[0].base_color_texture = Some(TextureRef { nearest: true, ..TextureRef::new(0) });
@@ -51,7 +51,7 @@ fn the_footprint_chooses_the_mip_level() {
     let hit = prepared.intersect(&ray, 9.0).unwrap();
     let value = |footprint| prepared.model().surface(&hit, ray.direction, footprint).base_color[0];
     assert!(value(0.0) == 0.0 || value(0.0) == 1.0);
-    // A footprint of two texels is level 1, where the chequers are one grey.
+    // A footprint of two texels is level 1, where the chequers are uniformly grey.
     assert!((value(2.0 / 64.0) - 128.0 / 255.0).abs() < 1e-4, "{}", value(2.0 / 64.0));
     assert!((value(10.0) - 128.0 / 255.0).abs() < 1e-4);
 }
@@ -74,7 +74,7 @@ fn normal_textures_bend_the_normal_as_drawn() {
     assert!(right.distance(Vec3::new(1.0, e, 1.0).normalize()) < 1e-5, "{right}");
     let up = bend([128, 255, 255, 255], 0.5, 2.0);
     assert!(up.distance(Vec3::new(0.5 * e, 0.5, 1.0).normalize()) < 1e-5, "{up}");
-    // From behind the whole frame is turned towards the viewer.
+    // From behind, the whole frame is flipped towards the viewer.
     let behind = bend([255, 128, 255, 255], 1.0, -2.0);
     assert!(behind.distance(-Vec3::new(1.0, e, 1.0).normalize()) < 1e-5, "{behind}");
 }

@@ -4,8 +4,9 @@ use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 
 use crate::{MeshWarning, Model};
 
-/// Fills in the tangents that normal textures need and the file does not bring (Mikkelsen's tangent space, as
-/// glTF asks), splitting vertices where two tangents meet. Without normal textures all tangents are dropped.
+/// Computes tangents that normal textures need and the file lacks, by Mikkelsen's tangent space as specified by glTF.
+///
+/// Splits vertices where two tangents meet. Drops all tangents if no material has a normal texture.
 pub(crate) fn complete(model: &mut Model) {
     let needs: Vec<bool> = model.materials.iter().map(|m| m.normal_texture.is_some()).collect();
     if !model.triangle_materials.iter().any(|&m| needs[m as usize]) {
@@ -26,11 +27,11 @@ pub(crate) fn complete(model: &mut Model) {
     if faces.is_empty() {
         return;
     }
-    let mut corners = Corners { model, tangents: vec![[0.0; 4]; faces.len() * 3], faces };
+    let mut corners = TangentGeometry { model, tangents: vec![[0.0; 4]; faces.len() * 3], faces };
     let outcome = generate_tangents(&mut corners);
-    let Corners { faces, tangents, .. } = corners;
+    let TangentGeometry { faces, tangents, .. } = corners;
     if let Err(error) = outcome {
-        // The crate knows no error yet. Zero tangents mean: no normal texture.
+        // The crate has no error yet. Zero tangents disable the normal texture.
         model.warnings.push(MeshWarning::NormalTextures { reason: error.to_string() });
         return;
     }
@@ -69,20 +70,20 @@ fn copy_vertex(model: &mut Model, old: u32) -> u32 {
     (model.positions.len() - 1) as u32
 }
 
-/// The triangles that need tangents, as the tangent space crate wants to see them.
-struct Corners<'a> {
+/// The triangles that need tangents, as input of the tangent space crate.
+struct TangentGeometry<'a> {
     model: &'a Model,
     faces: Vec<u32>,
     tangents: Vec<[f32; 4]>,
 }
 
-impl Corners<'_> {
+impl TangentGeometry<'_> {
     fn vertex(&self, face: usize, side: usize) -> usize {
         self.model.triangles[self.faces[face] as usize][side] as usize
     }
 }
 
-impl Geometry for Corners<'_> {
+impl Geometry for TangentGeometry<'_> {
     fn num_faces(&self) -> usize {
         self.faces.len()
     }
@@ -110,7 +111,7 @@ impl Geometry for Corners<'_> {
 
     fn set_tangent(&mut self, space: Option<TangentSpace>, face: usize, side: usize) {
         let [x, y, z, sign] = space.unwrap_or_default().tangent_encoded();
-        // Our v points down the picture, normal textures have +Y up: the bitangent runs against v.
+        // Our v points down, normal textures have +Y up: the bitangent is opposite to v.
         self.tangents[face * 3 + side] = [x, y, z, -sign];
     }
 }

@@ -2,28 +2,28 @@ use lo_imaging::{Image, ImageError};
 
 use crate::{MeshError, Wrap};
 
-/// Largest edge of a texture in pixels.
+/// Largest edge of a texture, in pixels.
 const LARGEST_EDGE: u32 = 8192;
 
-/// A decoded picture with its mip levels.
+/// A decoded image with its mip levels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
-    /// Finest first, each half as wide and high as the one before, down to one pixel; RGBA as stored in the file.
+    /// Mip levels, finest first, each half the size of the previous one, down to one pixel. RGBA as stored in the file.
     pub levels: Vec<Image<[u8; 4]>>,
-    /// RGB holds sRGB colour (base colour, emission), not numbers (roughness, normals).
+    /// Whether RGB is sRGB colour (base colour, emission) and not linear data (roughness, normals).
     pub srgb: bool,
 }
 
 impl Texture {
-    /// Decodes PNG, JPEG, WebP and the other picture formats of `imaging`, and makes the mip levels.
+    /// Decodes an image in a format of [`lo_imaging::read_rgba8`] and computes its mip levels.
     ///
     /// # Errors
-    /// [`MeshError::Texture`] with `name` where the bytes are no picture or one of more than 8192 pixels a side.
+    /// [`MeshError::Texture`] with `name` if the bytes are not an image, or one of more than 8192 pixels a side.
     pub fn from_bytes(name: &str, bytes: &[u8], srgb: bool) -> Result<Self, MeshError> {
         Self::decode(name, bytes, srgb, &mut TextureBudget::new(bytes.len()))
     }
 
-    /// As [`Texture::from_bytes`], for one of several textures of a mesh.
+    /// Like [`Texture::from_bytes`], for one of several textures of a mesh.
     pub(crate) fn decode(name: &str, bytes: &[u8], srgb: bool, budget: &mut TextureBudget) -> Result<Self, MeshError> {
         let failed = |reason: String| MeshError::Texture { name: name.to_owned(), reason };
         let unnamed = |error: ImageError| {
@@ -32,15 +32,18 @@ impl Texture {
         };
         let [width, height] = lo_imaging::size_from_bytes(bytes, name).map_err(unnamed)?;
         if width == 0 || height == 0 || width > LARGEST_EDGE || height > LARGEST_EDGE {
-            return Err(failed(format!("{width} × {height} pixels; a texture has 1 to {LARGEST_EDGE} a side")));
+            let limit = format!("it has {width} × {height} pixels; the limit is {LARGEST_EDGE} a side");
+            return Err(failed(limit));
         }
         budget.spend(width as usize * height as usize).map_err(failed)?;
-        let picture = lo_imaging::rgba8_from_bytes(bytes, name).map_err(unnamed)?;
-        Ok(Self::from_image(picture, srgb))
+        let image = lo_imaging::rgba8_from_bytes(bytes, name).map_err(unnamed)?;
+        Ok(Self::from_image(image, srgb))
     }
 
-    /// Makes the mip levels: the mean over each pixel's area, of light (not of its sRGB code) weighted by alpha for
-    /// colours, of the numbers as they are otherwise. The picture must have a pixel.
+    /// Creates a texture and its mip levels from an image with at least one pixel.
+    ///
+    /// Each pixel is the mean over its area. Colours are averaged in linear light, weighted by alpha; other data as
+    /// stored.
     pub fn from_image(finest: Image<[u8; 4]>, srgb: bool) -> Self {
         let mut levels = vec![finest];
         while let Some(last) = levels.last()
@@ -52,7 +55,7 @@ impl Texture {
         Self { levels, srgb }
     }
 
-    /// Linear RGBA at texture coordinates, v down. `level` 0 is the finest; between levels the two are mixed.
+    /// Samples linear RGBA at texture coordinates, v down. `level` 0 is the finest; fractions interpolate two levels.
     pub fn sample(&self, uv: [f32; 2], wrap: [Wrap; 2], level: f32, nearest: bool) -> [f32; 4] {
         let last = self.levels.len() - 1;
         let level = if level.is_finite() { level.clamp(0.0, last as f32) } else { last as f32 };
@@ -72,8 +75,10 @@ impl Texture {
     fn texel(&self, level: usize, uv: [f32; 2], wrap: [Wrap; 2]) -> [f32; 4] {
         let image = &self.levels[level];
         let (x, y) = (texel_position(uv[0], image.width()), texel_position(uv[1], image.height()));
-        let at =
-            (wrapped(x.floor() as i64, image.width(), wrap[0]), wrapped(y.floor() as i64, image.height(), wrap[1]));
+        let at = (
+            wrap_index(x.floor() as i64, image.width(), wrap[0]),
+            wrap_index(y.floor() as i64, image.height(), wrap[1]),
+        );
         linear(image[at], self.srgb)
     }
 
@@ -83,8 +88,8 @@ impl Texture {
         let y = texel_position(uv[1], image.height()) - 0.5;
         let (left, top) = (x.floor(), y.floor());
         let (fx, fy) = ((x - left) as f32, (y - top) as f32);
-        let columns = [0, 1].map(|d| wrapped(left as i64 + d, image.width(), wrap[0]));
-        let rows = [0, 1].map(|d| wrapped(top as i64 + d, image.height(), wrap[1]));
+        let columns = [0, 1].map(|d| wrap_index(left as i64 + d, image.width(), wrap[0]));
+        let rows = [0, 1].map(|d| wrap_index(top as i64 + d, image.height(), wrap[1]));
         let mut sum = [0.0; 4];
         for (row, wy) in rows.into_iter().zip([1.0 - fy, fy]) {
             for (column, wx) in columns.into_iter().zip([1.0 - fx, fx]) {
@@ -98,46 +103,48 @@ impl Texture {
     }
 }
 
-/// Pixels that the textures of one mesh may still take. Kilobytes of constant colour unpack to many pixels, and one
-/// picture may be named many times; what a mesh may take grows with the bytes of its files.
+/// Budget of pixels for the textures of one mesh.
+///
+/// Kilobytes of constant colour decode to many pixels, and one image may be used many times. The budget grows with the
+/// size of the mesh's files.
 pub(crate) struct TextureBudget {
     pixels_left: usize,
 }
 
 impl TextureBudget {
-    /// Pixels per byte that hardly any photographic picture exceeds.
+    /// Pixels per byte that photographic images rarely exceed.
     const PIXELS_PER_BYTE: usize = 16;
 
-    /// One picture of the largest size, and more the more bytes there are.
+    /// Creates a budget of one image of the largest size, plus that of `bytes`.
     pub(crate) fn new(bytes: usize) -> Self {
         let mut budget = Self { pixels_left: (LARGEST_EDGE * LARGEST_EDGE) as usize };
         budget.grow(bytes);
         budget
     }
 
-    /// Takes note of another file.
+    /// Adds the size of another file to the budget.
     pub(crate) fn grow(&mut self, bytes: usize) {
         self.pixels_left = self.pixels_left.saturating_add(bytes.saturating_mul(Self::PIXELS_PER_BYTE));
     }
 
     pub(crate) fn spend(&mut self, pixels: usize) -> Result<(), String> {
         let left = self.pixels_left.checked_sub(pixels);
-        self.pixels_left = left.ok_or_else(|| "the pictures of this mesh unpack to too many pixels".to_owned())?;
+        self.pixels_left = left.ok_or_else(|| "the textures of this mesh have too many pixels".to_owned())?;
         Ok(())
     }
 }
 
-/// Position in texels; f64 because coordinates far outside [0, 1] would lose the texel in f32.
+/// Position in texels, in f64: for coordinates far outside [0, 1], f32 cannot resolve texels.
 fn texel_position(coordinate: f32, size: usize) -> f64 {
     if coordinate.is_nan() {
         return 0.0;
     }
-    // Beyond 1e12 repeats there is no texel to tell.
+    // Beyond 1e12 repeats texels are not resolved.
     f64::from(coordinate.clamp(-1e12, 1e12)) * size as f64
 }
 
-/// Column or row that `index` means.
-fn wrapped(index: i64, size: usize, wrap: Wrap) -> usize {
+/// Applies the addressing mode to a column or row index.
+fn wrap_index(index: i64, size: usize, wrap: Wrap) -> usize {
     let size = size as i64;
     let inside = match wrap {
         Wrap::Repeat => index.rem_euclid(size),
@@ -159,7 +166,7 @@ fn linear([r, g, b, a]: [u8; 4], srgb: bool) -> [f32; 4] {
     }
 }
 
-/// The next mip level: each pixel the mean over its share of the picture's area.
+/// Computes the next mip level: each pixel is the mean over its area.
 fn halved(image: &Image<[u8; 4]>, srgb: bool) -> Image<[u8; 4]> {
     let columns = shares(image.width());
     let rows = shares(image.height());
@@ -188,7 +195,7 @@ fn halved(image: &Image<[u8; 4]>, srgb: bool) -> Image<[u8; 4]> {
     })
 }
 
-/// For each pixel of the halved line, the pixels of the finer line that it covers and how much of each.
+/// Returns, for each pixel of the coarser line, the pixels of the finer line that it covers and their shares.
 fn shares(size: usize) -> Vec<Vec<(usize, f32)>> {
     let half = (size / 2).max(1);
     let step = size as f32 / half as f32;
@@ -215,17 +222,17 @@ mod tests {
 
     #[test]
     fn bilinear_weights_by_hand() {
-        // Texel centres lie at u = 1/4 and 3/4: a quarter of the way between them at 0.375.
+        // Texel centres are at u = 1/4 and 3/4; 0.375 is a quarter of the way between them.
         let texture = grey(2, 2, &[0, 255, 0, 255], false);
         let at = |u: f32, v: f32, wrap: Wrap| texture.sample([u, v], [wrap; 2], 0.0, false)[0];
         assert!((at(0.375, 0.5, Wrap::Repeat) - 0.25).abs() < 1e-6);
         assert!((at(0.25, 0.1, Wrap::Repeat) - 0.0).abs() < 1e-6);
-        // At the left border half of the last column comes in by repeating, nothing by the others.
+        // At the left border, repeating mixes half of the last column; the other modes do not.
         assert!((at(0.0, 0.5, Wrap::Repeat) - 0.5).abs() < 1e-6);
         assert_eq!(at(0.0, 0.5, Wrap::Clamp), 0.0);
         assert_eq!(at(0.0, 0.5, Wrap::Mirror), 0.0);
         assert_eq!(at(-7.0, 0.5, Wrap::Clamp), 0.0);
-        // The second copy of a mirrored picture runs backwards: white begins it.
+        // The second copy of a mirrored image is reversed and begins with white.
         assert!((at(1.25, 0.5, Wrap::Mirror) - 1.0).abs() < 1e-6);
         assert!((at(1.25, 0.5, Wrap::Repeat) - 0.0).abs() < 1e-6);
         assert_eq!(texture.sample([0.499, 0.5], [Wrap::Repeat; 2], 0.0, true)[0], 0.0);
@@ -234,22 +241,22 @@ mod tests {
 
     #[test]
     fn mip_levels_average_light_not_codes() {
-        // Half white, half black: light 0.5, whose sRGB code is 188 (187.5); as plain numbers 128.
+        // Half white, half black: linear 0.5 is sRGB code 188 (187.5); as linear data 128.
         let colour = grey(2, 1, &[0, 255], true);
         assert_eq!(colour.levels[1].pixels(), [[188, 188, 188, 255]]);
         let numbers = grey(2, 1, &[0, 255], false);
         assert_eq!(numbers.levels[1].pixels(), [[128, 128, 128, 255]]);
-        // Half way between the levels of the numbers: (1 + 128/255) / 2 at the white texel's centre.
+        // Half way between the levels of linear data: (1 + 128/255) / 2 at the white texel's centre.
         let mixed = numbers.sample([0.75, 0.5], [Wrap::Clamp; 2], 0.5, false)[0];
         assert!((mixed - (1.0 + 128.0 / 255.0) / 2.0).abs() < 1e-6);
-        // What is transparent does not bleed into the colour.
+        // Transparent pixels do not bleed into the colour.
         let cut_out = Texture::from_image(Image::new(2, 1, vec![[200, 10, 10, 255], [0, 255, 0, 0]]), true);
         assert_eq!(cut_out.levels[1].pixels(), [[200, 10, 10, 128]]);
     }
 
     #[test]
     fn odd_sizes_keep_the_mean() {
-        // 3 × 1 becomes 1 × 1: each texel counts a third. 5 × 1 becomes 2 × 1: two and a half each.
+        // 3 × 1 becomes 1 × 1: each texel has weight 1/3. 5 × 1 becomes 2 × 1: two and a half texels each.
         assert_eq!(grey(3, 1, &[0, 60, 240], false).levels[1].pixels()[0][0], 100);
         let five = grey(5, 1, &[10, 20, 200, 50, 60], false);
         let codes: Vec<u8> = five.levels[1].pixels().iter().map(|p| p[0]).collect();
@@ -263,7 +270,7 @@ mod tests {
     fn huge_and_broken_pictures_are_refused() {
         let error = |bytes: &[u8]| Texture::from_bytes("t.png", bytes, true).unwrap_err().to_string();
         assert!(error(b"no picture").starts_with("texture t.png: "));
-        // A PNG header that announces 60000 × 60000 pixels.
+        // A PNG header that declares 60000 × 60000 pixels.
         let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR".to_vec();
         png.extend([0, 0, 0xea, 0x60, 0, 0, 0xea, 0x60, 8, 6, 0, 0, 0]);
         png.extend([0; 40]);

@@ -1,21 +1,23 @@
 use lo_geometry::Vec3;
 
-/// A ray prepared for watertight triangle tests (Woop, Benthin & Wald 2013, JCGT 2(1)): no ray slips between two
-/// triangles that share an edge.
+/// A ray prepared for watertight triangle tests (Woop, Benthin & Wald 2013, JCGT 2(1)).
+///
+/// No ray passes between two triangles that share an edge.
 pub(crate) struct ShearedRay {
     origin: Vec3,
-    /// Axes so that the direction is longest along the third.
+    /// Permutation of the axes: the direction is longest along the third.
     axes: [usize; 3],
     shear: Vec3,
 }
 
-/// Where a line meets a triangle.
+/// An intersection of a ray with a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Crossing {
+    /// Distance along the ray, in lengths of its direction.
     pub distance: f32,
     /// Barycentric weights of the second and third vertex.
     pub barycentric: [f32; 2],
-    /// The ray meets the side from which the triangle is counter-clockwise.
+    /// Whether the ray hits the front face, from which the triangle is counter-clockwise.
     pub front: bool,
 }
 
@@ -37,9 +39,9 @@ impl ShearedRay {
         Self { origin, axes: [x, y, z], shear }
     }
 
-    /// The crossing at a distance in [`least`, `most`], if there is one.
+    /// Returns the crossing at a distance in [`min_distance`, `max_distance`], if any.
     #[inline(always)]
-    pub(crate) fn intersect(&self, [a, b, c]: [Vec3; 3], least: f32, most: f32) -> Option<Crossing> {
+    pub(crate) fn intersect(&self, [a, b, c]: [Vec3; 3], min_distance: f32, max_distance: f32) -> Option<Crossing> {
         let [x, y, z] = self.axes;
         let (a, b, c) = (a - self.origin, b - self.origin, c - self.origin);
         let sheared = |p: Vec3| (p[x] - self.shear.x * p[z], p[y] - self.shear.y * p[z]);
@@ -48,7 +50,7 @@ impl ShearedRay {
         let mut v = ax * cy - ay * cx;
         let mut w = bx * ay - by * ax;
         if u == 0.0 || v == 0.0 || w == 0.0 {
-            // On an edge in f32: f64 decides, with the same answer for both triangles of the edge.
+            // On an edge in f32: f64 decides, consistently for both triangles of the edge.
             let edge = |px: f32, qy: f32, py: f32, qx: f32| {
                 (f64::from(px) * f64::from(qy) - f64::from(py) * f64::from(qx)) as f32
             };
@@ -66,8 +68,8 @@ impl ShearedRay {
         let scale = 1.0 / determinant;
         let depth = u * (self.shear.z * a[z]) + v * (self.shear.z * b[z]) + w * (self.shear.z * c[z]);
         let distance = depth * scale;
-        // NaN fails.
-        if !(distance >= least && distance <= most) {
+        // Also rejects NaN.
+        if !(distance >= min_distance && distance <= max_distance) {
             return None;
         }
         Some(Crossing { distance, barycentric: [v * scale, w * scale], front: determinant > 0.0 })

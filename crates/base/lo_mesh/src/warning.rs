@@ -1,92 +1,93 @@
-/// What a file asks for and its model does not have.
+/// Features of a mesh file that are missing or not applied.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshWarning {
-    /// A texture is left out.
-    #[error("texture {name} left out: {reason}")]
+    /// A texture is ignored.
+    #[error("texture {name} ignored: {reason}")]
     Texture {
-        /// Its file, or its number in the mesh's file.
+        /// File name of the texture, or its index in the mesh file.
         name: String,
-        /// What is wrong with it.
+        /// Cause.
         reason: String,
     },
-    /// A bump map is left out since it holds heights, not normals.
-    #[error("bump map {map} holds heights, not normals; left out")]
+    /// A bump map is ignored because it stores heights, not normals.
+    #[error("bump map {map} ignored: height maps are not supported; convert it to a normal map")]
     BumpMap {
-        /// The material's statement.
+        /// Arguments of the material's statement.
         map: String,
     },
-    /// Normal textures are not used, since tangents cannot be made.
-    #[error("normal textures are not used: {reason}")]
+    /// Normal textures are ignored because tangents cannot be computed.
+    #[error("normal textures ignored: {reason}")]
     NormalTextures {
-        /// Why.
+        /// Cause.
         reason: String,
     },
-    /// A file of materials cannot be read.
-    #[error("material file {file} cannot be read ({reason}): shown matte white")]
+    /// A material file cannot be read.
+    #[error("cannot read material file {file}, its materials are white: {reason}")]
     MaterialFile {
-        /// Which file.
+        /// Name of the file.
         file: String,
-        /// Why.
+        /// Error of the operating system.
         reason: String,
     },
-    /// Materials that no file describes are shown white.
-    #[error("materials that no MTL file describes are shown white: {}", .names.join(", "))]
+    /// Materials that are not defined in any file are white.
+    #[error("materials not defined in any MTL file are white: {}", .names.join(", "))]
     UnknownMaterials {
-        /// Their names.
+        /// Names of the materials.
         names: Vec<String>,
     },
-    /// A comment names a texture, which is not read.
-    #[error("the file names the texture {file} in a comment; give it as a material")]
+    /// A texture named in a comment is ignored.
+    #[error("texture {file} ignored: it is only named in a comment; set it as base_color_texture of a material")]
     TextureInComment {
-        /// What it names.
+        /// Name of the texture file.
         file: String,
     },
-    /// Texture coordinates per face are not read.
-    #[error("texture coordinates per face are not read")]
+    /// Per-face texture coordinates are ignored.
+    #[error("per-face texture coordinates ignored: only those of vertices are supported")]
     FaceTextureCoordinates,
-    /// Triangles are dropped for a coordinate that is not finite or too large.
+    /// Triangles with a coordinate that is not finite or too large are dropped.
     #[error(
-        "{dropped} of {triangles} triangles dropped: a coordinate is not a usable number (first: vertex {vertex} at {}, {}, {})",
+        "{dropped} of {triangles} triangles dropped: a coordinate is not finite or too large \
+         (first: vertex {vertex} at {}, {}, {})",
         .at[0], .at[1], .at[2]
     )]
     UnusableCoordinate {
-        /// How many triangles.
+        /// Number of dropped triangles.
         dropped: usize,
-        /// Of how many.
+        /// Number of all triangles.
         triangles: usize,
-        /// The first such vertex.
+        /// Index of the first such vertex.
         vertex: usize,
-        /// Its coordinates as they were read.
+        /// Coordinates of that vertex.
         at: [f32; 3],
     },
-    /// Triangles are dropped since they have no area.
-    #[error("{dropped} of {triangles} triangles dropped: they have no area")]
+    /// Triangles without area are dropped.
+    #[error("{dropped} of {triangles} triangles dropped: zero area")]
     NoArea {
-        /// How many triangles.
+        /// Number of dropped triangles.
         dropped: usize,
-        /// Of how many.
+        /// Number of all triangles.
         triangles: usize,
     },
-    /// Primitives of points or lines are left out.
-    #[error("{primitives} primitives of points or lines left out")]
+    /// Primitives of points or lines are ignored.
+    #[error("primitives of points or lines ignored: {primitives}")]
     PointsOrLines {
-        /// How many.
+        /// Number of such primitives.
         primitives: usize,
     },
     /// Morph targets are not applied.
     #[error("morph targets are not applied")]
     MorphTargets,
-    /// Animations are not played: the model is in its bind pose.
-    #[error("{} are not played: the model is shown in its bind pose", if *.skins { "skins and animations" } else { "animations" })]
+    /// Animations are ignored: the model is in its bind pose.
+    #[error("{} ignored: the model is in its bind pose", if *.skins { "skins and animations" } else { "animations" })]
     BindPose {
-        /// Whether it has skins too.
+        /// Whether the model has skins too.
         skins: bool,
     },
 }
 
 impl MeshWarning {
-    /// Of a texture that is left out; where the reason names it too, it is named once.
+    /// Creates the warning of an ignored texture; removes its name from the reason.
     pub(crate) fn texture(name: &str, reason: &str) -> Self {
         let reason = reason.strip_prefix(&format!("texture {name}: ")).unwrap_or(reason);
         Self::Texture { name: name.to_owned(), reason: reason.to_owned() }

@@ -1,17 +1,17 @@
-//! Named random streams: every use of chance has a stream of its own, derived from one seed.
+//! Named random streams: every random decision has its own stream, derived from one seed.
 //!
-//! A stream depends on the seed, its name and an index alone, never on what was drawn elsewhere. Work can thus be split
-//! among threads and machines, and a new use of chance leaves all others as they were.
+//! A stream depends only on the seed, its name and an index, never on what was drawn elsewhere. Work can thus be split
+//! among threads and machines, and adding a stream does not change the others.
 
 pub use rand::{Rng, RngExt, seq};
 
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
-/// A reproducible stream of random numbers (ChaCha with 8 rounds): the same on every machine.
+/// A reproducible random number generator (ChaCha with 8 rounds), identical on every machine.
 pub type Stream = ChaCha8Rng;
 
-/// The stream `name`, number `index` (a scene, a sample, a pixel row), of `seed`.
+/// Creates the stream of a seed, a name and an index (a scene, a sample, a pixel row).
 pub fn stream(seed: u64, name: &str, index: u64) -> Stream {
     let mut key = [0; 32];
     key[..8].copy_from_slice(&seed.to_le_bytes());
@@ -20,16 +20,19 @@ pub fn stream(seed: u64, name: &str, index: u64) -> Stream {
     Stream::from_seed(key)
 }
 
-/// The stream `name` beside a given one, of the same key: the same wherever that one stands, which goes on as if nothing had been asked.
-pub fn beside(stream: &Stream, name: &str) -> Stream {
-    let mut own = Stream::from_seed(stream.get_seed());
-    // 0 is the stream itself.
-    own.set_stream(hash(name.as_bytes()).max(1));
-    own
+/// Derives a named substream with the key of a given stream.
+///
+/// It does not depend on how much was drawn from `stream`, and does not advance it.
+pub fn substream(stream: &Stream, name: &str) -> Stream {
+    let mut derived = Stream::from_seed(stream.get_seed());
+    // ChaCha stream 0 is the given stream itself.
+    derived.set_stream(hash(name.as_bytes()).max(1));
+    derived
 }
 
-/// A 64-bit hash that never changes (FNV-1a, Fowler, Noll & Vo): for names of streams and for splitting by a scene's id.
-/// Not for hostile input.
+/// A stable 64-bit hash (FNV-1a, Fowler, Noll & Vo) for stream names and for splits by scene id.
+///
+/// Not collision-resistant: not for untrusted input.
 pub fn hash(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
@@ -55,10 +58,10 @@ mod tests {
     }
 
     #[test]
-    fn streams_beside_one_do_not_depend_on_where_it_stands() {
+    fn substreams_do_not_depend_on_the_streams_position() {
         let (fresh, mut used) = (stream(7, "photo", 3), stream(7, "photo", 3));
         used.random::<[u64; 5]>();
-        let first = |stream: &Stream, name| beside(stream, name).random::<u64>();
+        let first = |stream: &Stream, name| substream(stream, name).random::<u64>();
         assert_eq!(first(&fresh, "phone"), first(&used, "phone"));
         assert_ne!(first(&fresh, "phone"), first(&fresh, "flash"));
         assert_ne!(first(&fresh, "phone"), first(&stream(7, "photo", 4), "phone"));
@@ -70,7 +73,7 @@ mod tests {
 
     #[test]
     fn streams_never_change() {
-        // Whoever changes this changes every generated scene: that needs a new version of the data.
+        // A change here changes every generated scene and needs a new version of the data.
         assert_eq!(stream(7, "layout", 3).random::<u64>(), 6_423_306_748_962_940_993);
     }
 }

@@ -41,12 +41,12 @@ fn with_focal(photo: &Photo, focal: f64) -> Result<Camera, CameraError> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use lo_imaging::{FocalLength, Image, ShotExposure};
+    use lo_imaging::{FocalLength, Image, PhotoExposure};
 
     #[test]
     fn exif_wins_over_the_default() {
         let photo = Photo::Srgb8(Image::new(600, 400, vec![[0; 3]; 240_000]));
-        let plain = PhotoFile { photo, focal: FocalLength::default(), exposure: ShotExposure::default() };
+        let plain = PhotoFile { photo, focal: FocalLength::default(), exposure: PhotoExposure::default() };
         let (camera, source) = Estimator::without_networks().camera_of(&plain).unwrap();
         assert_eq!(source, CameraSource::Default);
         assert!((camera.hfov_deg() - DEFAULT_HFOV_DEG).abs() < 1e-9);

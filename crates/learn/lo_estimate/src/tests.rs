@@ -9,7 +9,7 @@ use std::sync::Arc;
 use lo_cone::ConeTracer;
 use lo_events::{Cancelled, Event, Stage, Warning};
 use lo_geometry::{Camera, Vec3};
-use lo_imaging::{DepthMap, FocalLength, Image, Photo, PhotoFile, ShotExposure};
+use lo_imaging::{DepthMap, FocalLength, Image, Photo, PhotoExposure, PhotoFile};
 use lo_nets::checkpoint::Checkpoint;
 use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
@@ -254,7 +254,7 @@ fn a_photo_alone_gets_its_depth() {
 fn networks_that_have_learned_the_camera_tell_it_where_nobody_else_does() {
     let networks = Networks::new(EncoderKind::EfficientNetLite0, &config(), 5, &Device::flex()).unwrap();
     let estimator = Estimator::new(networks);
-    let file = |focal| PhotoFile { photo: photo(), focal, exposure: ShotExposure::default() };
+    let file = |focal| PhotoFile { photo: photo(), focal, exposure: PhotoExposure::default() };
     let (lens, source) = estimator.camera_of(&file(FocalLength::default())).unwrap();
     let srgb8 = crate::view::srgb8(&lo_scene::working_photo(&photo()));
     let told = estimator.networks().unwrap().perspective(&srgb8, None).unwrap();

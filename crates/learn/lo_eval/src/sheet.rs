@@ -58,7 +58,7 @@ impl Sheet {
 mod tests {
     use super::*;
     use crate::testing;
-    use lo_imaging::CONTACT_SHEET_GROUND as GROUND;
+    use lo_imaging::CONTACT_SHEET_BACKGROUND as GROUND;
 
     #[test]
     fn every_picture_has_its_place() {

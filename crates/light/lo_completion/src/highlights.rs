@@ -157,7 +157,7 @@ mod tests {
 
     use lo_geometry::{Camera, Mat3, uv_from_direction};
     use lo_imaging::Photo;
-    use lo_testdata::beside;
+    use lo_testdata::shared_data;
 
     use super::*;
 
@@ -203,7 +203,7 @@ mod tests {
     /// Crops of real HDR panoramas, clipped: the restored sum must be nearer to the true one than the clipped sum.
     #[test]
     fn recovered_sums_are_nearer_to_the_truth_than_clipped_ones() {
-        let Some(folder) = beside("hdr", "highlights of five real panoramas") else { return };
+        let Some(folder) = shared_data("hdr", "highlights of five real panoramas") else { return };
         let names =
             ["lebombo_1k", "brown_photostudio_02_1k", "st_fagans_interior_1k", "autoshop_01_1k", "thatch_chapel_1k"];
         let (crops, error, clipped_error) = errors_of_sums(&names.map(|name| folder.join(format!("{name}.hdr"))));

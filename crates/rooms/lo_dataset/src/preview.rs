@@ -46,7 +46,7 @@ impl ContactSheet {
 mod tests {
     use super::*;
     use crate::fixture::record;
-    use lo_imaging::CONTACT_SHEET_GROUND as GROUND;
+    use lo_imaging::CONTACT_SHEET_BACKGROUND as GROUND;
 
     #[test]
     fn every_picture_has_its_place() {

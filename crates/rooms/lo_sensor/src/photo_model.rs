@@ -83,7 +83,7 @@ impl Default for PhotoModel {
 impl PhotoModel {
     /// Chooses a camera and its settings.
     pub fn draw(&self, stream: &mut Stream) -> PhotoSettings {
-        let (mut phone, mut flash) = (lo_random::beside(stream, "phone"), lo_random::beside(stream, "flash"));
+        let (mut phone, mut flash) = (lo_random::substream(stream, "phone"), lo_random::substream(stream, "flash"));
         let (phone, cast) = self.phone.draw(&mut phone).unzip();
         let flashes = flash.random::<f32>() < self.flash_share;
         let mut settings = PhotoSettings {

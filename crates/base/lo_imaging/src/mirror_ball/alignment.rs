@@ -1,52 +1,54 @@
 use super::BallError;
-use super::exposures::{Source, same_size};
+use super::exposures::{BracketPhoto, same_size};
 use crate::{Image, Photo};
 
-/// Pictures are compared at this many pixels along their longer side at most.
+/// Largest longer side, in pixels, at which photos are compared.
 const COMPARED_SIDE: usize = 1024;
-/// The coarsest picture has at least this many along its shorter one.
+/// Smallest shorter side, in pixels, of the coarsest pyramid level.
 const COARSEST_SIDE: usize = 24;
-/// Least share of the pixels that must be well exposed in both photos.
+/// Least share of pixels that must be well exposed in both photos.
 const MIN_SHARE: f64 = 0.02;
 
-/// How far each photo lies from the first one, in pixels: the whole shift that makes what is well exposed in both most alike, found from
-/// coarse to fine. `None` where too little is. Fine to 1/1024 of the longer side.
+/// Measures the shift of each photo against the first one, in pixels.
+///
+/// Searches from coarse to fine for the integer shift that best aligns the pixels well exposed in both. The resolution
+/// is 1/1024 of the longer side. `None` for a photo with too few such pixels.
 ///
 /// # Errors
-/// Photos of different sizes, or a wrong number of stops.
+/// No photo, photos of different sizes, or a wrong number of stops.
 pub fn misalignment_px(photos: &[Photo], stops: &[f64]) -> Result<Vec<Option<f64>>, BallError> {
     let [width, height] = same_size(photos)?;
     if stops.len() != photos.len() {
         return Err(BallError::Exposures { photos: photos.len(), exposures: stops.len() });
     }
     let factor = width.max(height).div_ceil(COMPARED_SIDE);
-    let pyramids: Vec<Vec<Level>> =
+    let pyramids: Vec<Vec<LogImage>> =
         photos.iter().zip(stops).map(|(photo, &stop)| pyramid(photo, stop, factor)).collect();
     Ok(pyramids.iter().map(|other| Some(shift(&pyramids[0], other)? * factor as f64)).collect())
 }
 
-/// Sum of logarithms of radiance that is well exposed, and how many pixels there are of it.
-type Level = Image<[f32; 2]>;
+/// Logarithm of radiance, and weight 1 for well-exposed pixels; 0 and 0 for others.
+type LogImage = Image<[f32; 2]>;
 
-fn pyramid(photo: &Photo, stop: f64, factor: usize) -> Vec<Level> {
-    let source = Source::new(photo);
+fn pyramid(photo: &Photo, stop: f64, factor: usize) -> Vec<LogImage> {
+    let bracket_photo = BracketPhoto::new(photo);
     let (width, height) = (photo.width().div_ceil(factor), photo.height().div_ceil(factor));
     let gain = (stop * std::f64::consts::LN_2) as f32;
-    let finest = Level::from_fn(width, height, |x, y| {
-        let reading = source.reading(y * factor * photo.width() + x * factor);
-        let level = reading.linear[1];
-        let good = !reading.clipped && level > 0.0 && reading.code[1] > 16.0 / 255.0;
-        if good { [level.ln() - gain, 1.0] } else { [0.0; 2] }
+    let finest = LogImage::from_fn(width, height, |x, y| {
+        let sample = bracket_photo.sample(y * factor * photo.width() + x * factor);
+        let green = sample.linear[1];
+        let good = !sample.clipped && green > 0.0 && sample.code[1] > 16.0 / 255.0;
+        if good { [green.ln() - gain, 1.0] } else { [0.0; 2] }
     });
     let mut levels = vec![finest];
     while let Some(last) = levels.last().filter(|last| last.width().min(last.height()) >= 2 * COARSEST_SIDE) {
-        let half = Level::from_fn(last.width() / 2, last.height() / 2, |x, y| {
+        let half = LogImage::from_fn(last.width() / 2, last.height() / 2, |x, y| {
             let mut sum = [0.0; 2];
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                 let [value, count] = last[(2 * x + dx, 2 * y + dy)];
                 sum = [sum[0] + value, sum[1] + count];
             }
-            // pixels at the edge of what is well exposed depend on where that edge lies
+            // pixels at the border of well-exposed regions depend on where that border is
             if sum[1] >= 3.0 { [sum[0] / sum[1], 1.0] } else { [0.0; 2] }
         });
         levels.push(half);
@@ -54,8 +56,8 @@ fn pyramid(photo: &Photo, stop: f64, factor: usize) -> Vec<Level> {
     levels
 }
 
-/// Length in pixels of the finest level.
-fn shift(first: &[Level], other: &[Level]) -> Option<f64> {
+/// Returns the length of the shift between two pyramids, in pixels of the finest level.
+fn shift(first: &[LogImage], other: &[LogImage]) -> Option<f64> {
     let mut found = [0i64; 2];
     for (a, b) in first.iter().zip(other).rev() {
         let around = |&[x, y]: &[i64; 2]| {
@@ -63,7 +65,7 @@ fn shift(first: &[Level], other: &[Level]) -> Option<f64> {
         };
         let costs = around(&found).into_iter().filter_map(|at| Some((difference(a, b, at)?, at)));
         let best = costs.min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| length(a.1).total_cmp(&length(b.1))));
-        // of levels that are too coarse to compare, nothing is known
+        // without a comparison at this level, keep the shift of the coarser one
         found = best.map_or([2 * found[0], 2 * found[1]], |(_, at)| at);
     }
     difference(first.first()?, other.first()?, found)?;
@@ -74,8 +76,8 @@ fn length([x, y]: [i64; 2]) -> f64 {
     (x as f64).hypot(y as f64)
 }
 
-/// Mean absolute difference of the logarithms about their mean.
-fn difference(a: &Level, b: &Level, [dx, dy]: [i64; 2]) -> Option<f64> {
+/// Mean absolute deviation of the differences of the logarithms from their mean.
+fn difference(a: &LogImage, b: &LogImage, [dx, dy]: [i64; 2]) -> Option<f64> {
     let (width, height) = (a.width() as i64, a.height() as i64);
     let pairs = || {
         (0.max(-dy)..height.min(height - dy)).flat_map(move |y| {

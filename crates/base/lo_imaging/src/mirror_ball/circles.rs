@@ -1,4 +1,4 @@
-//! Circles in a small picture that may be the outline of a mirror ball.
+//! Detection of circles that may be the outline of a mirror ball, in a downsampled photo.
 
 use rayon::prelude::*;
 
@@ -6,35 +6,36 @@ use super::BallCircle;
 use super::view::turns;
 use crate::{Image, resize};
 
-/// Longer side of the picture in which circles are looked for.
-pub(super) const SMALL_SIDE: usize = 480;
-/// Radii that are looked for, over the small picture's shorter and longer side.
+/// Longer side of the image in which circles are detected, in pixels.
+pub(super) const DETECTION_SIDE: usize = 480;
+/// Range of radii, as shares of that image's shorter and longer side.
 const RADII: [f64; 2] = [0.07, 0.55];
-/// Strongest share of the small picture's pixels that count as edges.
+/// Share of the pixels, those with the strongest gradients, that are edge candidates.
 const EDGE_SHARE: f64 = 0.12;
-/// Sectors of a circle, of which those with an edge are counted.
+/// Number of sectors of a circle; those with an edge are counted.
 const SECTORS: usize = 32;
-/// An edge belongs to a circle where its gradient points along the radius to within this angle's cosine.
-const ALIGNED: f32 = 0.94;
-/// Peaks of the transform that are looked at, and circles around them that are moved to the best place near.
-const PEAKS: usize = 200;
-const MOVED: usize = 80;
-/// Rim of the ball and of what is around it, over the radius.
+/// Least cosine between gradient and radius for an edge that belongs to a circle.
+const MIN_ALIGNMENT: f32 = 0.94;
+/// Number of peaks of the Hough transform that are examined.
+const MAX_PEAKS: usize = 200;
+/// Number of circles around them that are refined.
+const MAX_CANDIDATES: usize = 80;
+/// Inner end of the ball's rim and outer end of its surroundings, over the radius.
 const RIM: [f64; 2] = [0.6, 1.25];
 
-/// The small picture.
-pub(super) struct Small {
+/// Detects circles by the Hough transform and scores them by how a mirror compresses the room towards its rim.
+pub(super) struct CircleDetector {
     gradients: Image<[f32; 2]>,
-    edges: Vec<Edge>,
-    /// Square of a gradient that is hardly one.
+    edges: Vec<EdgePixel>,
+    /// Squared gradient below which a pixel has no reliable direction.
     faint: f32,
-    /// Pixels of the photo per pixel of this one.
+    /// Pixels of the photo per pixel of the detection image, horizontally and vertically.
     scale: [f64; 2],
 }
 
-impl Small {
-    pub fn of(grey: &Image<f32>) -> Self {
-        let factor = (grey.width().max(grey.height()) as f64 / SMALL_SIDE as f64).max(1.0);
+impl CircleDetector {
+    pub fn new(grey: &Image<f32>) -> Self {
+        let factor = (grey.width().max(grey.height()) as f64 / DETECTION_SIDE as f64).max(1.0);
         let small_side = |side: usize| ((side as f64 / factor).round() as usize).max(1);
         let as_colour = grey.map(|&v| [v; 3]);
         let small = resize(&as_colour, small_side(grey.width()), small_side(grey.height())).map(|rgb| rgb[0]);
@@ -46,17 +47,19 @@ impl Small {
         Self { edges: edges(&gradients), gradients, faint, scale }
     }
 
-    pub fn in_photo(&self, circle: BallCircle) -> BallCircle {
+    /// Converts a circle of the detection image to photo pixels.
+    pub fn photo_circle(&self, circle: BallCircle) -> BallCircle {
         let [sx, sy] = self.scale;
         BallCircle { x: circle.x * sx, y: circle.y * sy, radius_px: circle.radius_px * (sx * sy).sqrt() }
     }
 
-    pub fn of_photo(&self, circle: BallCircle) -> BallCircle {
+    /// Converts a circle of the photo to pixels of the detection image.
+    pub fn detection_circle(&self, circle: BallCircle) -> BallCircle {
         let [sx, sy] = self.scale;
         BallCircle { x: circle.x / sx, y: circle.y / sy, radius_px: circle.radius_px / (sx * sy).sqrt() }
     }
 
-    /// Circles that edges propose, those that look most like a mirror.
+    /// Returns circles proposed by edges, most mirror-like first.
     pub fn candidates(&self) -> Vec<BallCircle> {
         let [width, height] = [self.gradients.width(), self.gradients.height()];
         let shorter = width.min(height) as f64;
@@ -70,11 +73,11 @@ impl Small {
             .collect();
         circles.par_iter_mut().for_each(|(score, circle)| *score = self.significance(*circle).unwrap_or(-1.0));
         circles.sort_by(|a, b| b.0.total_cmp(&a.0));
-        distinct(circles, MOVED)
+        distinct(circles, MAX_CANDIDATES)
     }
 
-    /// The circle with the greatest significance that steps of a few pixels lead to.
-    pub fn best_near(&self, circle: BallCircle) -> Option<(f64, BallCircle)> {
+    /// Refines a circle by hill climbing in steps of up to 3 pixels. Returns the significance and the circle.
+    pub fn refine(&self, circle: BallCircle) -> Option<(f64, BallCircle)> {
         let mut best = (self.significance(circle)?, circle);
         for step in [3.0, 1.5, 0.75, 0.375] {
             for _ in 0..12 {
@@ -97,18 +100,20 @@ impl Small {
         Some(best)
     }
 
-    /// Contrast by the root of the radius: of a larger ball it is the mean of more.
+    /// Contrast times the root of the radius: a larger ball's contrast is a mean over more pixels.
     fn significance(&self, circle: BallCircle) -> Option<f64> {
         Some(mean(&self.sectors(circle)?) * circle.radius_px.sqrt())
     }
 
-    /// How much more gradients point along the radius inside of the rim than outside of it, in the mean over all sectors.
+    /// Mean excess, over all sectors, of the radial alignment of gradients inside the rim over that outside.
     pub fn contrast(&self, circle: BallCircle) -> Option<f64> {
         Some(mean(&self.sectors(circle)?))
     }
 
-    /// In each sector of which enough lies in the picture: (radial² − tangential²) ÷ (radial² + tangential²) of the gradients, fitted inside of the rim by
-    /// what a mirror in a room of gradients in all directions shows, less their mean outside of it where that is above 0.
+    /// Returns the excess of radial alignment in each sector that is inside the image.
+    ///
+    /// The alignment of a gradient is (radial² − tangential²) ÷ (radial² + tangential²). Inside the rim it is fitted by
+    /// that of a mirror in a room with gradients in all directions. Its mean outside, if positive, is subtracted.
     fn sectors(&self, circle: BallCircle) -> Option<Vec<f64>> {
         let r = circle.radius_px;
         if r < 4.0 {
@@ -122,12 +127,12 @@ impl Small {
                 let turns = || {
                     (0..lines).map(move |line| (sector as f64 + (line as f64 + 0.5) / lines as f64) / SECTORS as f64)
                 };
-                let squeezed = |at: f64| {
+                let mirror_alignment = |at: f64| {
                     let ratio = (1.0 - (at / r) * (at / r)).max(0.0).powi(2);
                     (1.0 - ratio) / (1.0 + ratio)
                 };
-                let inside = self.alignment(circle, inner, turns(), squeezed)?;
-                // what is beside the picture says nothing
+                let inside = self.alignment(circle, inner, turns(), mirror_alignment)?;
+                // surroundings outside the image count as unaligned
                 let outside = self.alignment(circle, outer, turns(), |_| 1.0).unwrap_or(0.0);
                 Some(inside - outside.max(0.0))
             })
@@ -135,7 +140,8 @@ impl Small {
         (known.len() as f64 >= MIN_INSIDE * SECTORS as f64).then_some(known)
     }
 
-    /// The factor by which `expected`, of a radius, fits the alignment of gradients with the radius best; `None` where a part is not known.
+    /// Returns the least-squares factor of `expected`, a function of the radius, on the gradients' radial alignment;
+    /// `None` if a part is outside the image.
     fn alignment(
         &self,
         circle: BallCircle,
@@ -168,7 +174,7 @@ impl Small {
     }
 }
 
-/// The first `most` that are not the same within 3 pixels.
+/// Returns the first `most` circles that differ by more than 3 pixels.
 pub(super) fn distinct(circles: Vec<(f64, BallCircle)>, most: usize) -> Vec<BallCircle> {
     let mut kept: Vec<BallCircle> = Vec::new();
     for (_, circle) in circles {
@@ -189,18 +195,18 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Of the outline, at least this share lies in the photo.
+/// Least share of the outline that must be inside the photo.
 const MIN_INSIDE: f64 = 0.6;
 
-/// An edge of the small picture.
-struct Edge {
+/// An edge pixel of the detection image.
+struct EdgePixel {
     x: f32,
     y: f32,
     /// Unit gradient.
     gradient: [f32; 2],
 }
 
-/// Binomial, 5 × 5.
+/// Smooths by a binomial filter, 5 × 5.
 fn smoothed(image: &Image<f32>) -> Image<f32> {
     let [width, height] = [image.width(), image.height()];
     let taps = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
@@ -210,7 +216,7 @@ fn smoothed(image: &Image<f32>) -> Image<f32> {
     Image::from_fn(width, height, |x, y| (0..5).map(|i| taps[i] * across[(x, at(y, i, height))]).sum::<f32>())
 }
 
-/// Central differences; none at the border.
+/// Central differences; 0 at the border.
 fn gradients(image: &Image<f32>) -> Image<[f32; 2]> {
     let [width, height] = [image.width(), image.height()];
     Image::from_fn(width, height, |x, y| {
@@ -221,8 +227,8 @@ fn gradients(image: &Image<f32>) -> Image<[f32; 2]> {
     })
 }
 
-/// The strongest gradients that are the greatest ones across their own edge.
-fn edges(gradients: &Image<[f32; 2]>) -> Vec<Edge> {
+/// Returns the strongest gradients, after non-maximum suppression across the edge.
+fn edges(gradients: &Image<[f32; 2]>) -> Vec<EdgePixel> {
     let [width, height] = [gradients.width(), gradients.height()];
     if width < 3 || height < 3 {
         return Vec::new();
@@ -239,16 +245,16 @@ fn edges(gradients: &Image<[f32; 2]>) -> Vec<Edge> {
         }
         let [gx, gy] = gradients[(x, y)].map(|g| g / s);
         let (dx, dy) = (gx.round() as isize, gy.round() as isize);
-        let beside = |sign: isize| strength[(x.wrapping_add_signed(sign * dx), y.wrapping_add_signed(sign * dy))];
-        if s >= beside(1) && s >= beside(-1) {
-            edges.push(Edge { x: x as f32 + 0.5, y: y as f32 + 0.5, gradient: [gx, gy] });
+        let neighbour = |sign: isize| strength[(x.wrapping_add_signed(sign * dx), y.wrapping_add_signed(sign * dy))];
+        if s >= neighbour(1) && s >= neighbour(-1) {
+            edges.push(EdgePixel { x: x as f32 + 0.5, y: y as f32 + 0.5, gradient: [gx, gy] });
         }
     }
     edges
 }
 
-/// Places where most lines along gradients meet.
-fn peaks(edges: &[Edge], [width, height]: [usize; 2], radii: [f64; 2]) -> Vec<[f32; 2]> {
+/// Returns the centres with most votes: positions where lines along gradients meet.
+fn peaks(edges: &[EdgePixel], [width, height]: [usize; 2], radii: [f64; 2]) -> Vec<[f32; 2]> {
     let mut votes = Image::new(width, height, vec![0.0f32; width * height]);
     for edge in edges {
         for sign in [-1.0, 1.0] {
@@ -272,12 +278,12 @@ fn peaks(edges: &[Edge], [width, height]: [usize; 2], radii: [f64; 2]) -> Vec<[f
         }
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found.into_iter().take(PEAKS).map(|(_, at)| at).collect()
+    found.into_iter().take(MAX_PEAKS).map(|(_, at)| at).collect()
 }
 
-/// The two radii around a middle whose circles have edges in most sectors, beyond what chance gives a circle of that length.
+/// Returns the two radii around a centre whose circles have edges in most sectors, corrected for chance.
 fn best_radii(
-    edges: &[Edge],
+    edges: &[EdgePixel],
     [x, y]: [f32; 2],
     [width, height]: [usize; 2],
     radii: [f64; 2],
@@ -292,14 +298,14 @@ fn best_radii(
             continue;
         }
         let along = (dx * edge.gradient[0] + dy * edge.gradient[1]) / distance;
-        if along.abs() >= ALIGNED {
+        if along.abs() >= MIN_ALIGNMENT {
             let turn = dy.atan2(dx) / std::f32::consts::TAU + 0.5;
             let sector = ((turn * SECTORS as f32) as usize).min(SECTORS - 1);
             sectors[distance as usize] |= 1u64 << sector;
             lengths[distance as usize] += 1.0;
         }
     }
-    // aligned edges per pixel around this middle
+    // aligned edges per pixel around this centre
     let density = lengths.iter().sum::<f64>() / (std::f64::consts::PI * (count * count) as f64);
     let score = |r: usize| {
         let covered = f64::from((sectors[r - 1] | sectors[r] | sectors[r + 1]).count_ones()) / SECTORS as f64;

@@ -1,35 +1,37 @@
 use rayon::prelude::*;
 
 use super::BallError;
-use crate::exif::ShotExposure;
+use crate::exif::PhotoExposure;
 use crate::{Image, Photo, RadianceImage, linear_from_srgb8, srgb_from_linear};
 
-/// One picture of several photos of the same thing.
+/// An HDR image merged from a bracket of photos.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MergedPhotos {
-    /// Linear light; 1 is the white of the first photo.
+    /// Linear radiance; 1 is the first photo's white.
     pub radiance: RadianceImage,
     /// Pixels that are clipped in every photo: their radiance is a lower bound.
     pub clipped: Image<bool>,
 }
 
-/// From this sRGB value on a channel counts as clipped (`docs/method.md` §1.2).
+/// sRGB value from which a channel counts as clipped (`docs/method.md` §1.2).
 const CLIPPED: f32 = 250.0 / 255.0;
-/// Up to this one it counts as black.
+/// sRGB value up to which a channel counts as black.
 const BLACK: f32 = 4.0 / 255.0;
-/// sRGB values between which exposures are compared.
+/// Range of sRGB values in which exposures are compared.
 const COMPARED: std::ops::Range<f32> = 20.0 / 255.0..230.0 / 255.0;
-/// Fewer samples than this say nothing about an exposure.
+/// Least number of samples to compare two exposures.
 const MIN_SAMPLES: usize = 100;
-/// Pixels that are looked at to compare two photos.
-const MAX_PIXELS: usize = 400_000;
-/// A ratio farther than this from the median one, in stops, shows that something moved.
+/// Number of pixels sampled to compare two photos.
+const MAX_COMPARED_PIXELS: usize = 400_000;
+/// Deviation from the median ratio, in stops, beyond which a sample is an outlier: something moved.
 const MOVED_STOPS: f64 = 0.5;
 
-/// Stops of exposure of each photo relative to the first, more light is more, from what EXIF says; `None` where it does not tell. Aperture and sensitivity count as equal where
-/// not every photo tells them.
-pub fn stops_from_exif(shots: &[ShotExposure]) -> Option<Vec<f64>> {
-    let all = |of: fn(&ShotExposure) -> Option<f64>| shots.iter().map(of).collect::<Option<Vec<f64>>>();
+/// Computes the exposure of each photo relative to the first from EXIF, in stops; more is brighter.
+///
+/// `None` unless every photo states its exposure time. Aperture and sensitivity count as equal unless every photo
+/// states them.
+pub fn stops_from_exif(shots: &[PhotoExposure]) -> Option<Vec<f64>> {
+    let all = |of: fn(&PhotoExposure) -> Option<f64>| shots.iter().map(of).collect::<Option<Vec<f64>>>();
     let times = all(|shot| shot.time_s)?;
     let ones = || vec![1.0; shots.len()];
     let f_numbers = all(|shot| shot.f_number).unwrap_or_else(ones);
@@ -39,48 +41,54 @@ pub fn stops_from_exif(shots: &[ShotExposure]) -> Option<Vec<f64>> {
     Some(stops.iter().map(|stop| stop - stops[0]).collect())
 }
 
-/// Stops of exposure of each photo relative to the first, from pixels that are well exposed in two photos that are neighbours in brightness:
-/// the weighted mean of the logarithms of their ratios, without those half a stop from the median one.
+/// Estimates the exposure of each photo relative to the first from pixels, in stops.
+///
+/// Compares photos that are neighbours in brightness on pixels well exposed in both: the weighted mean of the
+/// logarithms of their ratios, without outliers of half a stop from the median.
 ///
 /// # Errors
-/// Photos of different sizes; neighbours without enough such pixels.
+/// No photo, photos of different sizes, or neighbours without enough such pixels.
 pub fn estimate_stops(photos: &[Photo]) -> Result<Vec<f64>, BallError> {
     let pixels = same_size(photos)?.iter().product();
-    let sources: Vec<Source> = photos.iter().map(Source::new).collect();
-    let step = usize::div_ceil(pixels, MAX_PIXELS).max(1);
-    let mut order: Vec<(usize, f64)> =
-        sources.iter().map(|source| source.brightness(pixels, step)).enumerate().collect();
+    let bracket: Vec<BracketPhoto> = photos.iter().map(BracketPhoto::new).collect();
+    let step = usize::div_ceil(pixels, MAX_COMPARED_PIXELS).max(1);
+    let mut order: Vec<(usize, f64)> = bracket.iter().map(|photo| photo.brightness(pixels, step)).enumerate().collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));
     let mut stops = vec![0.0; photos.len()];
     for pair in order.windows(2) {
         let [dark, bright] = [pair[0].0, pair[1].0];
-        let ratio = compare(&sources[dark], &sources[bright], pixels, step)
+        let ratio = compare(&bracket[dark], &bracket[bright], pixels, step)
             .map_err(|pixels| BallError::NothingInCommon { photos: [dark.min(bright), dark.max(bright)], pixels })?;
         stops[bright] = stops[dark] + ratio;
     }
     Ok(stops.iter().map(|stop| stop - stops[0]).collect())
 }
 
-/// Merges photos whose exposures are `stops` relative to each other: per channel the mean of value ÷ exposure, weighted by the
-/// hat of Debevec & Malik 1997 (eq. 4) over sRGB values: 0 from 250 of 255 on in any channel and up to 4 in this one.
+/// Merges photos with relative exposures `stops`: per channel, the weighted mean of value ÷ exposure.
 ///
-/// A channel that has no weight anywhere is taken from the longest exposure that is not clipped, else from the shortest one. Photos with
-/// values above 1 are HDR pictures: nothing of them is clipped, and all of it counts alike. Negative values become 0.
+/// The weight is the hat function of Debevec & Malik 1997 (eq. 4) over sRGB values: 0 if any channel is at least 250 of
+/// 255, or this one at most 4. A channel without weight in any photo is taken from the longest exposure that is not
+/// clipped, else from the shortest one.
+///
+/// Photos with values above 1 are HDR: none of their pixels is clipped, and all have the same weight. Negative values
+/// become 0.
 ///
 /// # Errors
-/// No photo, photos of different sizes, a wrong number of stops, pixels that are not finite.
+/// No photo, photos of different sizes, a wrong number of stops, or pixels that are NaN or infinite.
 pub fn merge_exposures(photos: &[Photo], stops: &[f64]) -> Result<MergedPhotos, BallError> {
     let [width, height] = same_size(photos)?;
     let finite = stops.iter().filter(|stop| stop.is_finite() && stop.abs() <= MAX_STOPS).count();
     if finite != photos.len() || stops.len() != photos.len() {
         return Err(BallError::Exposures { photos: photos.len(), exposures: finite.min(stops.len()) });
     }
-    photos.iter().enumerate().try_for_each(|(photo, picture)| check_finite(photo, picture))?;
+    photos.iter().enumerate().try_for_each(|(index, photo)| check_finite(index, photo))?;
     let mut order: Vec<usize> = (0..photos.len()).collect();
     order.sort_by(|&a, &b| stops[a].total_cmp(&stops[b]));
-    let sources: Vec<(Source, f32)> =
-        order.iter().map(|&photo| (Source::new(&photos[photo]), (stops[0] - stops[photo]).exp2() as f32)).collect();
-    let merged = (0..width * height).into_par_iter().map(|pixel| merge_pixel(&sources, pixel)).unzip();
+    let bracket: Vec<(BracketPhoto, f32)> = order
+        .iter()
+        .map(|&photo| (BracketPhoto::new(&photos[photo]), (stops[0] - stops[photo]).exp2() as f32))
+        .collect();
+    let merged = (0..width * height).into_par_iter().map(|pixel| merge_pixel(&bracket, pixel)).unzip();
     let (radiance, clipped): (Vec<[f32; 3]>, Vec<bool>) = merged;
     Ok(MergedPhotos {
         radiance: RadianceImage::new(width, height, radiance),
@@ -88,26 +96,26 @@ pub fn merge_exposures(photos: &[Photo], stops: &[f64]) -> Result<MergedPhotos, 
     })
 }
 
-/// More is no exposure of a camera, and would leave the range of f32.
+/// Largest exposure in stops: no camera exceeds it, and f32 holds it.
 const MAX_STOPS: f64 = 40.0;
 
-fn merge_pixel(sources: &[(Source, f32)], pixel: usize) -> ([f32; 3], bool) {
+fn merge_pixel(bracket: &[(BracketPhoto, f32)], pixel: usize) -> ([f32; 3], bool) {
     let [mut sum, mut weights] = [[0.0f32; 3]; 2];
     // from the shortest exposure to the longest
     let mut kept = None;
     let mut shortest = [0.0; 3];
-    for (index, (source, gain)) in sources.iter().enumerate() {
-        let reading = source.reading(pixel);
-        let radiance = reading.linear.map(|v| v * gain);
+    for (index, (photo, gain)) in bracket.iter().enumerate() {
+        let sample = photo.sample(pixel);
+        let radiance = sample.linear.map(|v| v * gain);
         if index == 0 {
             shortest = radiance;
         }
-        if !reading.clipped {
+        if !sample.clipped {
             kept = Some(radiance);
         }
         for c in 0..3 {
-            sum[c] += reading.weights[c] * radiance[c];
-            weights[c] += reading.weights[c];
+            sum[c] += sample.weights[c] * radiance[c];
+            weights[c] += sample.weights[c];
         }
     }
     let without_weight = kept.unwrap_or(shortest);
@@ -115,24 +123,26 @@ fn merge_pixel(sources: &[(Source, f32)], pixel: usize) -> ([f32; 3], bool) {
     (mixed, kept.is_none())
 }
 
-/// A photo with the value from which on it is clipped.
-pub(super) struct Source<'a> {
+/// A photo of a bracket.
+pub(super) struct BracketPhoto<'a> {
     photo: &'a Photo,
+    /// Whether white is clipped; not for HDR photos.
     clips: bool,
 }
 
-/// A pixel.
-pub(super) struct Reading {
+/// A pixel of a bracket photo.
+pub(super) struct ExposureSample {
     /// Linear light, not negative.
     pub linear: [f32; 3],
     /// sRGB values.
     pub code: [f32; 3],
-    /// The hat at them.
+    /// Weights of the channels in the merge.
     weights: [f32; 3],
+    /// Whether any channel is clipped.
     pub clipped: bool,
 }
 
-impl<'a> Source<'a> {
+impl<'a> BracketPhoto<'a> {
     pub fn new(photo: &'a Photo) -> Self {
         let clips = match photo {
             Photo::Srgb8(_) => true,
@@ -141,7 +151,7 @@ impl<'a> Source<'a> {
         Self { photo, clips }
     }
 
-    pub fn reading(&self, pixel: usize) -> Reading {
+    pub fn sample(&self, pixel: usize) -> ExposureSample {
         let (linear, code) = match self.photo {
             Photo::Srgb8(image) => {
                 let stored = image.pixels()[pixel];
@@ -153,37 +163,37 @@ impl<'a> Source<'a> {
             }
         };
         if !self.clips {
-            return Reading { linear, code, weights: [1.0; 3], clipped: false };
+            return ExposureSample { linear, code, weights: [1.0; 3], clipped: false };
         }
         let greatest = code.into_iter().fold(0.0, f32::max);
         let weights = code.map(|v| (v - BLACK).min(CLIPPED - greatest).max(0.0));
-        Reading { linear, code, weights, clipped: greatest >= CLIPPED }
+        ExposureSample { linear, code, weights, clipped: greatest >= CLIPPED }
     }
 
-    /// Mean sRGB value.
+    /// Mean over pixels of the sum of channels: sRGB values, or logarithms for HDR.
     fn brightness(&self, pixels: usize, step: usize) -> f64 {
-        let looked_at: Vec<f64> = (0..pixels)
+        let sums: Vec<f64> = (0..pixels)
             .step_by(step)
             .map(|pixel| {
-                let Reading { linear, code, .. } = self.reading(pixel);
+                let ExposureSample { linear, code, .. } = self.sample(pixel);
                 let values = if self.clips { code } else { linear.map(|v| (1.0 + v).ln()) };
                 f64::from(values[0] + values[1] + values[2])
             })
             .collect();
-        looked_at.iter().sum::<f64>() / looked_at.len().max(1) as f64
+        sums.iter().sum::<f64>() / sums.len().max(1) as f64
     }
 }
 
-/// How many stops more light `bright` got than `dark`; the number of samples where there are too few of them.
-fn compare(dark: &Source, bright: &Source, pixels: usize, step: usize) -> Result<f64, usize> {
+/// Returns the exposure of `bright` relative to `dark` in stops; as error, the number of samples if there are too few.
+fn compare(dark: &BracketPhoto, bright: &BracketPhoto, pixels: usize, step: usize) -> Result<f64, usize> {
     let mut ratios = Vec::new();
     for pixel in (0..pixels).step_by(step) {
-        let (a, b) = (dark.reading(pixel), bright.reading(pixel));
+        let (a, b) = (dark.sample(pixel), bright.sample(pixel));
         if a.clipped || b.clipped {
             continue;
         }
         for c in 0..3 {
-            let good = |reading: &Reading| COMPARED.contains(&reading.code[c]) && reading.linear[c] > 0.0;
+            let good = |sample: &ExposureSample| COMPARED.contains(&sample.code[c]) && sample.linear[c] > 0.0;
             if good(&a) && good(&b) {
                 let ratio = (f64::from(b.linear[c]) / f64::from(a.linear[c])).log2();
                 ratios.push((ratio, f64::from(a.weights[c]) * f64::from(b.weights[c])));
@@ -209,10 +219,10 @@ pub(super) fn same_size(photos: &[Photo]) -> Result<[usize; 2], BallError> {
     }
 }
 
-fn check_finite(photo: usize, picture: &Photo) -> Result<(), BallError> {
-    let Photo::Linear(image) = picture else { return Ok(()) };
+fn check_finite(index: usize, photo: &Photo) -> Result<(), BallError> {
+    let Photo::Linear(image) = photo else { return Ok(()) };
     let bad = image.pixels().par_iter().position_first(|pixel| !pixel.iter().all(|v| v.is_finite()));
-    bad.map_or(Ok(()), |index| Err(BallError::NotFinite { photo, x: index % image.width(), y: index / image.width() }))
+    bad.map_or(Ok(()), |at| Err(BallError::NotFinite { photo: index, x: at % image.width(), y: at / image.width() }))
 }
 
 #[cfg(test)]
@@ -221,7 +231,7 @@ mod tests {
     use super::*;
     use crate::srgb8_from_linear;
 
-    /// Radiance from 0.001 to 100 in every column, three colours.
+    /// A step wedge: radiance from 0.001 to 100 by column, coloured.
     fn wedge() -> RadianceImage {
         let at = |x: usize| 0.001 * 1e5f32.powf(x as f32 / 399.0);
         RadianceImage::from_fn(400, 40, |x, _| [at(x), 0.7 * at(x), 0.4 * at(x)])
@@ -244,14 +254,14 @@ mod tests {
         let merged = merge_exposures(&photos, &stops.map(f64::from)).unwrap();
         for x in 0..400 {
             let (got, truth) = (merged.radiance[(x, 3)], wedge[(x, 3)]);
-            // the shortest exposure clips at 2^6 × (250 / 255)^2.2 of the first one's white
+            // the shortest exposure clips at 2^6 × (250 / 255)^2.2 of the first photo's white
             assert_eq!(
                 merged.clipped[(x, 3)],
                 truth[0] * 2f32.powi(-6) >= crate::linear_from_srgb(CLIPPED - 0.5 / 255.0),
                 "{x}"
             );
             if !merged.clipped[(x, 3)] && truth[2] > 0.01 {
-                // half a step of 8 bits at weights that drop the darkest ones
+                // half an 8-bit step, with weights that exclude the darkest ones
                 assert!((0..3).all(|c| (got[c] / truth[c] - 1.0).abs() < 0.04), "{x}: {got:?} {truth:?}");
             } else if merged.clipped[(x, 3)] {
                 assert!(got[0] <= truth[0] * 1.02 && got[0] > 60.0, "{x}: a lower bound, {got:?} {truth:?}");
@@ -261,15 +271,18 @@ mod tests {
 
     #[test]
     fn exif_tells_relative_exposures() {
-        let shot =
-            |time_s: f64, f_number: Option<f64>, iso: Option<f64>| ShotExposure { time_s: Some(time_s), f_number, iso };
+        let shot = |time_s: f64, f_number: Option<f64>, iso: Option<f64>| PhotoExposure {
+            time_s: Some(time_s),
+            f_number,
+            iso,
+        };
         let stops =
             stops_from_exif(&[shot(0.01, Some(4.0), Some(100.0)), shot(0.04, Some(5.6569), Some(400.0))]).unwrap();
         assert!((stops[1] - 3.0).abs() < 1e-4 && stops[0] == 0.0, "{stops:?}");
-        // one does not tell its aperture
+        // one photo does not state its aperture
         let stops = stops_from_exif(&[shot(0.01, Some(4.0), None), shot(0.04, None, None)]).unwrap();
         assert!((stops[1] - 2.0).abs() < 1e-9);
-        assert_eq!(stops_from_exif(&[shot(0.01, None, None), ShotExposure::default()]), None);
+        assert_eq!(stops_from_exif(&[shot(0.01, None, None), PhotoExposure::default()]), None);
     }
 
     #[test]

@@ -1,11 +1,11 @@
 use crate::{Image, RadianceImage};
 
-/// Gives pixels without data (`known` is 0) what lies around them, smoothly: means of what is known over ever larger pixels, and back with
-/// interpolation, across the seam. In ln(1 + radiance), so that a lamp beside a hole does not light all of it.
+/// Fills pixels without data (`observed` is 0) smoothly from their surroundings, across the seam (push–pull).
 ///
-/// Where nothing is known everything stays black.
-pub(super) fn fill_unknown(map: &mut RadianceImage, known: &Image<f32>) {
-    if known.pixels().iter().all(|&k| k > 0.0) {
+/// Averages observed pixels over increasingly coarse levels, then interpolates back. Works on ln(1 + radiance), so that a
+/// lamp beside a hole does not light all of it. Without any observed pixel the map becomes black.
+pub(super) fn fill_unobserved(map: &mut RadianceImage, observed: &Image<f32>) {
+    if observed.pixels().iter().all(|&k| k > 0.0) {
         return;
     }
     let mut levels = vec![Image::new(
@@ -13,8 +13,8 @@ pub(super) fn fill_unknown(map: &mut RadianceImage, known: &Image<f32>) {
         map.height(),
         map.pixels()
             .iter()
-            .zip(known.pixels())
-            .map(|(rgb, &known)| if known > 0.0 { weighted(rgb.map(f32::ln_1p), 1.0) } else { [0.0; 4] })
+            .zip(observed.pixels())
+            .map(|(rgb, &observed)| if observed > 0.0 { weighted(rgb.map(f32::ln_1p), 1.0) } else { [0.0; 4] })
             .collect(),
     )];
     while let Some(last) = levels.last().filter(|last| last.width() > 2 || last.height() > 1) {
@@ -31,26 +31,26 @@ pub(super) fn fill_unknown(map: &mut RadianceImage, known: &Image<f32>) {
             [0, 1, 2].map(|c| here[c] + (1.0 - here[3]) * around[c])
         });
     }
-    for ((rgb, filled), &known) in map.pixels_mut().iter_mut().zip(filled.pixels()).zip(known.pixels()) {
-        if known <= 0.0 {
+    for ((rgb, filled), &observed) in map.pixels_mut().iter_mut().zip(filled.pixels()).zip(observed.pixels()) {
+        if observed <= 0.0 {
             *rgb = filled.map(f32::exp_m1);
         }
     }
 }
 
-/// Logarithms of radiance times the weight, and the weight.
-type Weighted = [f32; 4];
+/// ln(1 + radiance) times the weight, and the weight.
+type WeightedPixel = [f32; 4];
 
-fn weighted(rgb: [f32; 3], weight: f32) -> Weighted {
+fn weighted(rgb: [f32; 3], weight: f32) -> WeightedPixel {
     [rgb[0] * weight, rgb[1] * weight, rgb[2] * weight, weight]
 }
 
-fn normalised(value: &Weighted) -> [f32; 3] {
+fn normalised(value: &WeightedPixel) -> [f32; 3] {
     if value[3] > 0.0 { [0, 1, 2].map(|c| value[c] / value[3]) } else { [0.0; 3] }
 }
 
-/// Two by two pixels become one of weight 1 at most.
-fn coarser(level: &Image<Weighted>) -> Image<Weighted> {
+/// Merges 2 × 2 pixels to one with a weight of at most 1.
+fn coarser(level: &Image<WeightedPixel>) -> Image<WeightedPixel> {
     let (width, height) = (level.width().div_ceil(2), level.height().div_ceil(2));
     Image::from_fn(width, height, |x, y| {
         let mut sum = [0.0f32; 4];
@@ -61,16 +61,17 @@ fn coarser(level: &Image<Weighted>) -> Image<Weighted> {
                 (0..4).for_each(|c| sum[c] += value[c]);
             }
         }
-        // one known pixel of four fills the coarse one: what is known counts, not how much of it there is
+        // one observed pixel of four gives the coarse one full weight
         let scale = if sum[3] > 1.0 { 1.0 / sum[3] } else { 1.0 };
         sum.map(|v| v * scale)
     })
 }
 
-/// Of the next coarser level, at a pixel of this one: quadratic B-spline over 3 × 3, around the seam, clamped at the poles.
+/// Interpolates the coarser level at a pixel of the finer one: quadratic B-spline over 3 × 3, wrapped at the seam,
+/// clamped at the poles.
 fn smooth(coarse: &Image<[f32; 3]>, x: usize, y: usize) -> [f32; 3] {
     let (width, height) = (coarse.width() as i64, coarse.height() as i64);
-    // a fine pixel lies a quarter to one side of the middle of its coarse one
+    // a fine pixel is a quarter of a coarse pixel off the centre of its coarse one
     let taps =
         |index: usize| if index.is_multiple_of(2) { [0.28125, 0.6875, 0.03125] } else { [0.03125, 0.6875, 0.28125] };
     let (across, down) = (taps(x), taps(y));
@@ -96,21 +97,21 @@ mod tests {
         let mut map = RadianceImage::from_fn(128, 64, |_, y| [truth(y), 2.0 * truth(y), 0.1]);
         // across the seam
         let hole = |x: usize, y: usize| !(10..118).contains(&x) && (20..44).contains(&y);
-        let known = Image::from_fn(128, 64, |x, y| if hole(x, y) { 0.0 } else { 1.0 });
+        let observed = Image::from_fn(128, 64, |x, y| if hole(x, y) { 0.0 } else { 1.0 });
         let before = map.clone();
         for (x, y) in (0..64).flat_map(|y| (0..128).map(move |x| (x, y))) {
             if hole(x, y) {
                 map[(x, y)] = [f32::NAN; 3];
             }
         }
-        fill_unknown(&mut map, &known);
+        fill_unobserved(&mut map, &observed);
         for (x, y) in (0..64).flat_map(|y| (0..128).map(move |x| (x, y))) {
             let (got, expected) = (map[(x, y)], before[(x, y)]);
             if hole(x, y) {
-                // the ramp's range over the hole is 0.24: half of that at its deepest
+                // the ramp's range over the hole is 0.24: at most half of that at its centre
                 assert!((got[0] - expected[0]).abs() < 0.12 && (got[2] - 0.1).abs() < 1e-5, "{x} {y}: {got:?}");
-                let beside = map[((x + 1) % 128, y)][0];
-                assert!((got[0] - beside).abs() < 0.05, "{x} {y}: {got:?} beside {beside}");
+                let neighbour = map[((x + 1) % 128, y)][0];
+                assert!((got[0] - neighbour).abs() < 0.05, "{x} {y}: {got:?} beside {neighbour}");
             } else {
                 assert_eq!(got, expected);
             }
@@ -120,10 +121,10 @@ mod tests {
     #[test]
     fn nothing_known_stays_black_and_one_pixel_fills_all() {
         let mut map = RadianceImage::new(6, 3, vec![[5.0; 3]; 18]);
-        fill_unknown(&mut map, &Image::new(6, 3, vec![0.0; 18]));
+        fill_unobserved(&mut map, &Image::new(6, 3, vec![0.0; 18]));
         assert!(map.pixels().iter().all(|rgb| *rgb == [0.0; 3]));
         let mut map = RadianceImage::new(7, 5, vec![[3.0; 3]; 35]);
-        fill_unknown(&mut map, &Image::from_fn(7, 5, |x, y| if (x, y) == (3, 2) { 1.0 } else { 0.0 }));
+        fill_unobserved(&mut map, &Image::from_fn(7, 5, |x, y| if (x, y) == (3, 2) { 1.0 } else { 0.0 }));
         assert!(map.pixels().iter().all(|rgb| (rgb[0] - 3.0).abs() < 1e-4), "{map:?}");
     }
 }

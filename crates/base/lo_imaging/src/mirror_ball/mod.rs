@@ -1,7 +1,7 @@
-//! Photos of a mirror ball become an equirectangular panorama (`docs/method.md` §14).
+//! Unwraps photos of a mirror ball to an equirectangular panorama (`docs/method.md` §14).
 //!
-//! [`stops_from_exif`] or [`estimate_stops`] and [`merge_exposures`] make one picture of linear light of several photos, [`find_ball`]
-//! finds the ball in it, and [`unwrap_ball`] turns it into a panorama.
+//! [`merge_exposures`] merges a bracket of photos to one linear image, with exposures from [`stops_from_exif`] or
+//! [`estimate_stops`]. [`find_ball`] detects the ball in it, and [`unwrap_ball`] converts it to a panorama.
 
 mod alignment;
 mod circles;
@@ -14,97 +14,107 @@ mod view;
 
 pub use alignment::misalignment_px;
 pub use exposures::{MergedPhotos, estimate_stops, merge_exposures, stops_from_exif};
-pub use find::{BallFind, find_ball};
+pub use find::{BallDetection, find_ball};
 pub use unwrap::{UnwrapOptions, UnwrappedBall, unwrap_ball};
 pub use view::{BallCircle, BallLens, BallView};
 
-/// Why photos of a mirror ball give no panorama. Photos count from 0.
+/// Errors of unwrapping a mirror ball. Fields count photos from 0, messages from 1.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BallError {
-    /// The outline has no size.
-    #[error("a circle at ({}, {}) with a radius of {} pixels is none that could be unwrapped", circle.x, circle.y, circle.radius_px)]
+    /// The outline is too small, or a coordinate is NaN or infinite.
+    #[error(
+        "the circle at ({}, {}) with a radius of {} pixels cannot be unwrapped: the radius must be at least {} pixels",
+        circle.x, circle.y, circle.radius_px, view::MIN_RADIUS_PX
+    )]
     Circle {
-        /// As given.
+        /// The given outline.
         circle: BallCircle,
     },
-    /// The outline is not one in this photo.
+    /// The outline's centre is outside the photo, or its radius exceeds the photo's longer side.
     #[error(
-        "the circle at ({}, {}) with a radius of {} pixels does not lie in the photo of {width} × {height} pixels",
+        "the circle at ({}, {}) with a radius of {} pixels is outside the photo of {width} × {height} pixels, \
+         or larger than it",
         circle.x, circle.y, circle.radius_px
     )]
     CircleOutside {
-        /// As given.
+        /// The given outline.
         circle: BallCircle,
-        /// Of the photo, in pixels.
+        /// Width of the photo in pixels.
         width: usize,
-        /// Of the photo, in pixels.
+        /// Height of the photo in pixels.
         height: usize,
     },
-    /// The lens is none, or cannot show a ball of that outline.
-    #[error("{}", lens_text(lens))]
+    /// The lens is invalid, or does not fit the ball's outline.
+    #[error("{}", lens_message(lens))]
     Lens {
-        /// As given.
+        /// The given lens.
         lens: BallLens,
     },
     /// Photos differ in size.
-    #[error("photo {} has {} × {} pixels, the first one {} × {}", photo + 1, size[0], size[1], first[0], first[1])]
+    #[error(
+        "photo {} has {} × {} pixels, but the first one has {} × {}; all photos must have the same size",
+        photo + 1, size[0], size[1], first[0], first[1]
+    )]
     Sizes {
-        /// Which.
+        /// Index of the photo.
         photo: usize,
-        /// Its width and height.
+        /// Width and height of the photo.
         size: [usize; 2],
-        /// Those of the first.
+        /// Width and height of the first photo.
         first: [usize; 2],
     },
     /// A pixel is NaN or infinite.
-    #[error("pixel ({x}, {y}) of photo {} is not a finite number", photo + 1)]
+    #[error("pixel ({x}, {y}) of photo {} is NaN or infinite", photo + 1)]
     NotFinite {
-        /// Which.
+        /// Index of the photo.
         photo: usize,
-        /// Its column.
+        /// Column of the pixel.
         x: usize,
-        /// Its row.
+        /// Row of the pixel.
         y: usize,
     },
-    /// There are not as many exposures as photos, or one is not a number.
-    #[error("{photos} photos need as many finite exposures, got {exposures}")]
+    /// The number of exposures differs from that of photos, or an exposure is not finite or beyond ±40 stops.
+    #[error("{photos} photos need as many exposures within ±40 stops, got {exposures}")]
     Exposures {
-        /// Photos.
+        /// Number of photos.
         photos: usize,
-        /// Finite exposures.
+        /// Number of valid exposures.
         exposures: usize,
     },
-    /// Two photos, neighbours in brightness, show too little in common to compare their exposures.
-    #[error("photos {} and {} have only {pixels} pixels that are well exposed in both", photos[0] + 1, photos[1] + 1)]
+    /// Two photos, neighbours in brightness, have too few well-exposed pixels in common to compare their exposures.
+    #[error(
+        "photos {} and {} have only {pixels} pixels that are well exposed in both, too few to compare their exposures",
+        photos[0] + 1, photos[1] + 1
+    )]
     NothingInCommon {
-        /// Which.
+        /// Indices of the photos.
         photos: [usize; 2],
-        /// Well exposed in both.
+        /// Number of samples that are well exposed in both.
         pixels: usize,
     },
-    /// No photo, or one without pixels.
-    #[error("there is no photo")]
+    /// No photo was given, or one without pixels.
+    #[error("no photo was given, or the photo has no pixels")]
     NoPhoto,
-    /// The panorama's size or an option of it is none.
+    /// The panorama's size or an option is out of range.
     #[error("{what} must be {range}, got {value}")]
-    Option {
-        /// The option.
+    InvalidOption {
+        /// Name of the option.
         what: &'static str,
-        /// What it may be.
+        /// Valid range.
         range: &'static str,
-        /// What it is.
+        /// Given value.
         value: f64,
     },
 }
 
-fn lens_text(lens: &BallLens) -> String {
+fn lens_message(lens: &BallLens) -> String {
     match lens {
-        BallLens::Orthographic => "a ball seen from far away needs no lens".to_owned(),
+        BallLens::Orthographic => "an orthographic view does not fit the ball's outline".to_owned(),
         BallLens::Focal { focal_px } => {
-            format!("a lens with a focal length of {focal_px:.1} pixels cannot show a ball of that outline")
+            format!("a focal length of {focal_px:.1} pixels does not fit the ball's outline")
         }
         BallLens::Distance { radii } => {
-            format!("a ball whose centre is {radii:.3} of its radii away cannot have that outline")
+            format!("a distance of {radii:.3} radii from the camera to the ball's centre does not fit its outline")
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Where a photo of a mirror ball shows a direction (`docs/method.md` §14).
+//! Geometry of a mirror ball in a photo: the image position of a reflected direction (`docs/method.md` §14).
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -6,41 +6,43 @@ use lo_geometry::{DVec3, Vec3};
 
 use super::BallError;
 
-/// The ball's outline in the photo, in pixels; pixel centres lie at +0.5.
+/// The ball's outline in the photo, in pixels; pixel centres are at +0.5.
 ///
-/// A pinhole shows a ball off its axis as an ellipse: then the middle of it, and the mean of its half axes.
+/// A pinhole images a ball off its axis as an ellipse: then the ellipse's centre and its mean semi-axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BallCircle {
-    /// Horizontal coordinate of the middle.
+    /// Horizontal coordinate of the centre.
     pub x: f64,
-    /// Vertical coordinate of the middle, downwards.
+    /// Vertical coordinate of the centre, downwards.
     pub y: f64,
     /// Radius.
     pub radius_px: f64,
 }
 
-/// What is known of the lens.
+/// The camera model of a ball photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BallLens {
-    /// Nothing: the ball is seen as from far away.
+    /// Unknown lens: an orthographic view, as from far away.
     Orthographic,
-    /// A pinhole whose axis meets the middle of the photo.
+    /// A pinhole with its principal point at the photo's centre.
     Focal {
-        /// Its focal length in pixels of the photo.
+        /// Focal length in pixels of the photo.
         focal_px: f64,
     },
-    /// Such a pinhole, of a focal length that follows from the ball's size in the photo.
+    /// A pinhole with its principal point at the photo's centre and a focal length that follows from the ball's size.
     Distance {
-        /// From the pinhole to the ball's centre, in radii of the ball.
+        /// Distance from the pinhole to the ball's centre, in radii of the ball.
         radii: f64,
     },
 }
 
-/// A mirror ball before a camera that looks along −Z with +Y up; the room is taken to be far away compared with the ball.
+/// A mirror ball in front of a camera that looks along −Z with +Y up. The room is assumed far away relative to the
+/// ball.
 ///
-/// With `k` the ball's radius over the distance of its centre, the ray at angle ψ to the line to the centre meets the ball where the
-/// normal makes the angle γ with that line, and is reflected to the angle θ = π − 2γ − ψ from it, `tan ψ = k sin γ / (1 − k cos γ)`.
-/// Orthographically k = 0, and a point of the photo at `r` radii from the middle shows `r = sin((π − θ) / 2)`.
+/// Let `k` be the ball's radius over the distance of its centre. A ray at angle ψ to the line to the centre hits the
+/// ball where the normal has the angle γ to that line, with `tan ψ = k sin γ / (1 − k cos γ)`. It is reflected to the
+/// angle θ = π − 2γ − ψ from the line. In an orthographic view k = 0, and a point of the photo at `r` radii from the
+/// centre shows `r = sin((π − θ) / 2)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BallView {
     circle: BallCircle,
@@ -51,26 +53,26 @@ pub struct BallView {
 struct Pinhole {
     focal_px: f64,
     principal: [f64; 2],
-    /// To the ball's centre, of unit length.
+    /// Unit vector to the ball's centre.
     axis: DVec3,
-    /// Half of the angle under which the ball is seen.
+    /// Half of the ball's angular diameter.
     half_angle_rad: f64,
 }
 
-/// Where a direction shows in the photo.
+/// Image position of a reflected direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Seen {
-    /// In pixels.
+pub(super) struct PhotoPoint {
+    /// Position in pixels.
     pub position: [f64; 2],
-    /// Pixels per radian of direction, along the better resolved and along the worse resolved way.
+    /// Pixels per radian of direction, along the better and the worse resolved axis.
     pub pixels_per_rad: [f64; 2],
 }
 
 impl BallView {
-    /// A ball with that outline in a photo of `width` × `height`.
+    /// Creates a ball from its outline in a photo of `width` × `height` pixels.
     ///
     /// # Errors
-    /// An outline or a lens that is none, and both where they do not fit each other.
+    /// [`BallError`] for an invalid outline or lens, and if they do not fit each other.
     pub fn new(circle: BallCircle, lens: BallLens, [width, height]: [usize; 2]) -> Result<Self, BallError> {
         let BallCircle { x, y, radius_px } = circle;
         if ![x, y, radius_px].iter().all(|v| v.is_finite()) || radius_px < MIN_RADIUS_PX {
@@ -103,17 +105,17 @@ impl BallView {
         Ok(Self { circle, pinhole: Some(Pinhole { focal_px, principal, axis, half_angle_rad }) })
     }
 
-    /// The outline in the photo.
+    /// Outline in the photo.
     pub fn circle(&self) -> BallCircle {
         self.circle
     }
 
-    /// Focal length in pixels; `None` where the view is orthographic.
+    /// Focal length in pixels; `None` for an orthographic view.
     pub fn focal_px(&self) -> Option<f64> {
         self.pinhole.map(|pinhole| pinhole.focal_px)
     }
 
-    /// Half-angle of the cone around the direction to the ball that the ball itself hides, in radians; 0 for an orthographic view.
+    /// Half-angle, in radians, of the cone of directions that the ball itself hides; 0 for an orthographic view.
     pub fn hidden_half_angle_rad(&self) -> f64 {
         self.pinhole.map_or(0.0, |pinhole| pinhole.half_angle_rad)
     }
@@ -123,13 +125,14 @@ impl BallView {
         self.axis_f64().as_vec3()
     }
 
-    /// Image position that shows the direction, of unit length; `None` within the cone that the ball hides.
+    /// Returns the image position that shows a unit direction; `None` within the cone that the ball hides.
     pub fn image_position(&self, direction: Vec3) -> Option<[f64; 2]> {
-        self.seen(direction.as_dvec3(), 1.0).map(|seen| seen.position)
+        self.photo_point(direction.as_dvec3(), 1.0).map(|point| point.position)
     }
 
-    /// As [`BallView::image_position`], with the resolution there; `None` also beyond `usable` of the outline's radius.
-    pub(super) fn seen(&self, direction: DVec3, usable: f64) -> Option<Seen> {
+    /// Like [`BallView::image_position`], with the resolution there; `None` also beyond `usable` of the outline's
+    /// radius.
+    pub(super) fn photo_point(&self, direction: DVec3, usable: f64) -> Option<PhotoPoint> {
         let axis = self.axis_f64();
         let along = axis.dot(direction);
         let across = direction - along * axis;
@@ -139,7 +142,7 @@ impl BallView {
         let gamma = normal_angle(turned, k)?;
         let (sin, cos) = gamma.sin_cos();
         let s = (1.0 - 2.0 * k * cos + k * k).sqrt();
-        // radius in the photo over the outline's, exact on the axis
+        // radius in the photo over that of the outline, exact on the axis
         let share = sin / s;
         if share > usable {
             return None;
@@ -157,12 +160,12 @@ impl BallView {
         };
         let turn = 2.0 + k * (cos - k) / (s * s);
         let radial = self.circle.radius_px * ((cos - k) * (1.0 - k * cos)).max(0.0) / (s * s * s * turn);
-        // at the middle, share / sin θ has the limit of the radial one
+        // at the centre, share / sin θ tends to the radial resolution
         let tangential = if sin_theta > 1e-6 { self.circle.radius_px * share / sin_theta } else { radial };
-        Some(Seen { position, pixels_per_rad: [radial.max(tangential), radial.min(tangential)] })
+        Some(PhotoPoint { position, pixels_per_rad: [radial.max(tangential), radial.min(tangential)] })
     }
 
-    /// The point of the outline at `turn` radians around it.
+    /// Returns the point of the outline at `turn` radians around it.
     pub(super) fn outline(&self, turn: f64) -> Option<[f64; 2]> {
         let (sin, cos) = turn.sin_cos();
         match &self.pinhole {
@@ -179,8 +182,10 @@ impl BallView {
         }
     }
 
-    /// The same ball with the outline that fits points best, with weights: Gauss–Newton on distances to a circle, or a plane through
-    /// rays of a cone, `w · ray = 1`. `None` where the points do not make one.
+    /// Fits the outline to weighted points; `None` if they do not determine one.
+    ///
+    /// Uses Gauss–Newton on the distances to a circle, or for a pinhole a plane through the rays of a cone, `w · ray =
+    /// 1`.
     pub(super) fn fitted(&self, points: &[([f64; 2], f64)]) -> Option<Self> {
         let Some(pinhole) = &self.pinhole else {
             let circle = fit_circle(points, self.circle)?;
@@ -207,7 +212,7 @@ impl BallView {
         self.pinhole.map_or(DVec3::NEG_Z, |pinhole| pinhole.axis)
     }
 
-    /// Radius over distance.
+    /// The ball's radius over the distance of its centre.
     fn k(&self) -> f64 {
         self.pinhole.map_or(0.0, |pinhole| pinhole.half_angle_rad.sin())
     }
@@ -226,7 +231,7 @@ impl Pinhole {
         DVec3::new(x, -y, -1.0).normalize()
     }
 
-    /// Middle and mean half axis of the outline.
+    /// Returns the centre and the mean semi-axis of the outline.
     fn circle(&self) -> Option<BallCircle> {
         let off_axis = self.axis.truncate().length().atan2(-self.axis.z);
         let [off, radius] = outline_of_cone(off_axis, self.half_angle_rad)?;
@@ -236,19 +241,19 @@ impl Pinhole {
     }
 }
 
-/// Smaller is no ball that could be unwrapped.
-const MIN_RADIUS_PX: f64 = 4.0;
-/// The outline must lie before the pinhole.
+/// Smallest radius of a ball that can be unwrapped.
+pub(super) const MIN_RADIUS_PX: f64 = 4.0;
+/// Largest angle of the outline from the optical axis.
 const MAX_ANGLE_RAD: f64 = FRAC_PI_2 - 0.02;
 
-/// γ with `2γ + ψ(γ) = turned`; `None` beyond the outline, where cos γ = k.
+/// Solves `2γ + ψ(γ) = turned` for γ; `None` beyond the outline, where cos γ = k.
 fn normal_angle(turned: f64, k: f64) -> Option<f64> {
     let last = k.acos();
     if turned > 2.0 * last + k.asin() {
         return None;
     }
     let mut gamma = (turned / (2.0 + k / (1.0 - k).max(1e-3))).clamp(0.0, last);
-    // the slope lies between 2 and 2 + k / (1 − k) and falls: Newton from the left never overshoots far
+    // the slope falls from 2 + k / (1 − k) to 2: Newton's method from the left hardly overshoots
     for _ in 0..24 {
         let (sin, cos) = gamma.sin_cos();
         let value = 2.0 * gamma + (k * sin).atan2(1.0 - k * cos) - turned;
@@ -262,8 +267,10 @@ fn normal_angle(turned: f64, k: f64) -> Option<f64> {
     Some(gamma)
 }
 
-/// Middle's distance from the principal point and mean half axis, over the focal length, of the image of a cone of that half-angle
-/// whose axis lies `off_axis` from the camera's: an ellipse of eccentricity sin `off_axis` / cos `half_angle`.
+/// Projects a cone of `half_angle` whose axis is at the angle `off_axis` from the camera's.
+///
+/// The image is an ellipse of eccentricity sin `off_axis` / cos `half_angle`. Returns the distance of its centre from
+/// the principal point and its mean semi-axis, both over the focal length.
 fn outline_of_cone(off_axis: f64, half_angle: f64) -> Option<[f64; 2]> {
     if off_axis + half_angle >= MAX_ANGLE_RAD {
         return None;
@@ -274,7 +281,7 @@ fn outline_of_cone(off_axis: f64, half_angle: f64) -> Option<[f64; 2]> {
     Some([0.5 * (far + near), 0.5 * long * (1.0 + (1.0 - eccentricity * eccentricity).max(0.0).sqrt())])
 }
 
-/// Inverse of [`outline_of_cone`]: `[off_axis, half_angle]`.
+/// Inverse of [`outline_of_cone`]; returns `[off_axis, half_angle]`.
 fn cone_of_outline(off: f64, radius: f64) -> Option<[f64; 2]> {
     let mut off_axis = off.atan();
     let mut half_angle = (radius / (1.0 + off * off)).atan();
@@ -291,14 +298,15 @@ fn cone_of_outline(off: f64, radius: f64) -> Option<[f64; 2]> {
     None
 }
 
-/// Focal length with which a ball seen under `half_angle` has that outline, and how far off the axis it then lies.
+/// Returns the focal length with which a ball of angular radius `half_angle` has the given outline, and its angle from
+/// the optical axis.
 fn focal_of_outline(off_px: f64, radius_px: f64, half_angle: f64) -> (f64, f64) {
     let mut focal_px = radius_px / half_angle.tan();
     let mut off_axis = 0.0;
     for _ in 0..200 {
         let off = off_px / focal_px;
         off_axis = off.atan();
-        // for a given half-angle the middle lies where off says, up to a second-order term that this finds
+        // for a given half-angle, solve for the second-order difference between off and the centre's angle
         for _ in 0..50 {
             let Some([got, _]) = outline_of_cone(off_axis, half_angle) else { break };
             off_axis = (off_axis + (off - got) / (1.0 + off * off)).max(0.0);
@@ -336,14 +344,14 @@ fn fit_circle(points: &[([f64; 2], f64)], start: BallCircle) -> Option<BallCircl
     (circle.radius_px >= MIN_RADIUS_PX && circle.x.is_finite() && circle.y.is_finite()).then_some(circle)
 }
 
-/// Cramer's rule.
+/// Solves three linear equations by Cramer's rule.
 fn solve([a, b, c]: [DVec3; 3], right: DVec3) -> Option<DVec3> {
     let det = a.dot(b.cross(c));
     let solution = DVec3::new(right.dot(b.cross(c)), a.dot(right.cross(c)), a.dot(b.cross(right))) / det;
     (det.abs() > 1e-12 * (a.length() * b.length() * c.length()) && solution.is_finite()).then_some(solution)
 }
 
-/// Evenly spread turns around an outline.
+/// Returns `count` evenly spaced angles around an outline, in radians.
 pub(super) fn turns(count: usize) -> impl Iterator<Item = f64> {
     (0..count).map(move |index| TAU * index as f64 / count as f64)
 }
@@ -359,7 +367,7 @@ mod tests {
         BallCircle { x, y, radius_px }
     }
 
-    /// Sphere of radius 1 at `distance` along the axis, met and mirrored with vectors.
+    /// Reflects a ray at a sphere of radius 1, with vectors.
     fn reflected(ray: DVec3, centre: DVec3) -> Option<DVec3> {
         let along = ray.dot(centre);
         let root = along * along - centre.length_squared() + 1.0;
@@ -395,7 +403,7 @@ mod tests {
             let mut met = 0;
             for (u, v) in (0..100).flat_map(|u| (0..80).map(move |v| (10.0 * f64::from(u), 10.0 * f64::from(v)))) {
                 let Some(direction) = reflected(pinhole.ray([u, v]), centre) else { continue };
-                let [back_u, back_v] = view.seen(direction, 1.0).unwrap().position;
+                let [back_u, back_v] = view.photo_point(direction, 1.0).unwrap().position;
                 assert!((back_u - u).abs() < 1e-5 && (back_v - v).abs() < 1e-5, "{u} {v} → {back_u} {back_v}");
                 met += 1;
             }
@@ -413,9 +421,9 @@ mod tests {
         let view = BallView::new(circle(500.0, 400.0, 300.0), BallLens::Focal { focal_px: 800.0 }, SIZE).unwrap();
         let hidden = view.hidden_half_angle_rad();
         assert!((hidden - (300.0f64 / 800.0).atan()).abs() < 1e-9);
-        let at = |angle: f64| view.seen(DVec3::new(angle.sin(), 0.0, -angle.cos()), 1.0);
+        let at = |angle: f64| view.photo_point(DVec3::new(angle.sin(), 0.0, -angle.cos()), 1.0);
         assert!(at(hidden - 1e-6).is_none());
-        // the outline shows what lies right beside the ball
+        // the outline shows the background right beside the ball
         let [u, _] = at(hidden + 1e-9).unwrap().position;
         assert!((u - 800.0).abs() < 0.1, "{u}");
     }
@@ -429,16 +437,16 @@ mod tests {
                     |theta: f64, phi: f64| DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
                 let theta = degrees.to_radians();
                 let step = 1e-4;
-                let here = view.seen(direction(theta, 0.0), 1.0).unwrap();
+                let here = view.photo_point(direction(theta, 0.0), 1.0).unwrap();
                 let moved = |other: DVec3| {
-                    let there = view.seen(other, 1.0).unwrap().position;
+                    let there = view.photo_point(other, 1.0).unwrap().position;
                     (there[0] - here.position[0]).hypot(there[1] - here.position[1]) / step
                 };
                 let radial = moved(direction(theta + step, 0.0));
                 let tangential = if theta > 0.0 { moved(direction(theta, step / theta.sin())) } else { radial };
                 let expected = [radial.max(tangential), radial.min(tangential)];
                 for (got, expected) in here.pixels_per_rad.iter().zip(expected) {
-                    // the photo's plane stretches off the axis by up to 1 / cos²
+                    // the image plane stretches off the axis by up to 1 / cos²
                     assert!((got / expected - 1.0).abs() < 0.12, "{degrees}: {got} {expected}");
                 }
             }
@@ -459,7 +467,7 @@ mod tests {
     }
 
     #[test]
-    fn no_outline_and_no_lens_makes_a_panic() {
+    fn invalid_outlines_and_lenses_never_panic() {
         let values = [f64::NAN, -1.0, 0.0, 3.0, 100.0, 799.0, 1e9, f64::INFINITY];
         for (x, y, r) in values.iter().flat_map(|x| values.iter().flat_map(move |y| values.map(|r| (*x, *y, r)))) {
             for lens in values.iter().flat_map(|&v| {
@@ -467,9 +475,9 @@ mod tests {
             }) {
                 let Ok(view) = BallView::new(circle(x, y, r), lens, SIZE) else { continue };
                 for direction in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_Z, Vec3::new(0.6, 0.0, -0.8)] {
-                    let shown = view.seen(direction.as_dvec3(), 1.0);
+                    let shown = view.photo_point(direction.as_dvec3(), 1.0);
                     assert!(
-                        shown.is_none_or(|seen| seen.position.iter().all(|v| v.is_finite())),
+                        shown.is_none_or(|point| point.position.iter().all(|v| v.is_finite())),
                         "{x} {y} {r} {lens:?}"
                     );
                 }

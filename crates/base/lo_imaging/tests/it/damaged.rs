@@ -1,4 +1,4 @@
-//! Damaged, truncated and hostile files give errors: no panic, no huge allocation.
+//! Damaged, truncated and malicious files return errors: no panic, no huge allocation.
 
 use lo_imaging::{DepthMap, ExrOptions, Image, ImageError, RadianceImage};
 
@@ -48,7 +48,7 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
     samples
 }
 
-/// An EXR by the exr crate's own writer: the picture and the file.
+/// Writes an EXR with the exr crate: the image and the file.
 fn exr_sample(compression: exr::compression::Compression, blocks: exr::image::Blocks) -> (RadianceImage, Vec<u8>) {
     use exr::prelude::*;
     let picture = RadianceImage::from_fn(40, 70, |x, y| [x as f32 / 4.0, y as f32 * 0.5, 3.0]);
@@ -113,7 +113,7 @@ fn flipped_bytes_never_panic() {
         for _ in 0..400 {
             let mut damaged = bytes.clone();
             for _ in 0..1 + random() % 3 {
-                // mostly in the header, where it hurts
+                // mostly in the header, where damage matters most
                 let range = if random() % 3 == 0 { bytes.len() } else { bytes.len().min(420) };
                 damaged[random() % range] = match random() % 4 {
                     0 => 0,
@@ -136,7 +136,7 @@ fn sizes_are_checked_before_memory_is_taken() {
     too_large(b"#?RADIANCE\n\n-Y 16000 +X 16000\n\x02\x02\x7f\x00", "bomb.hdr");
     too_large(b"PF\n60000 60000\n-1\n", "bomb.pfm");
     too_large(b"P6 60000 60000 255\n", "bomb.ppm");
-    // a PNG's size stands in bytes 16 to 24; its check sum must fit
+    // a PNG's size is in bytes 16 to 24; its checksum must match
     let mut png = lo_imaging::encode_png(&Image::from_fn(8, 8, |_, _| [1; 3]));
     png[16..24].copy_from_slice(&[0, 0, 0xea, 0x60, 0, 0, 0xea, 0x60]);
     let sum = crc32(&png[12..29]);
@@ -148,7 +148,7 @@ fn sizes_are_checked_before_memory_is_taken() {
     exr[at..at + 16].copy_from_slice(&[0, 0, 0, 0, 0, 0, 0, 0, 0x5f, 0xea, 0, 0, 0x5f, 0xea, 0, 0]);
     let error = lo_imaging::radiance_from_bytes(&exr, "bomb.exr").unwrap_err();
     assert!(matches!(error, ImageError::TooLarge { .. } | ImageError::Invalid { .. }), "{error}");
-    // while honest large pictures fit: a flat 16k panorama and a 50-megapixel photo pass the same check
+    // an image without pixels is an error too
     let small = lo_imaging::radiance_from_bytes(b"#?RADIANCE\n\n-Y 2 +X 0\n", "empty.hdr").unwrap_err().to_string();
     assert!(small.contains("no pixels"), "{small}");
 }

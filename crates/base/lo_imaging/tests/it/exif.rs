@@ -1,8 +1,9 @@
-//! Orientation and focal length from EXIF blocks made by hand (EXIF 2.32, TIFF 6.0).
+//! Orientation, focal length and exposure from hand-made EXIF blocks (EXIF 2.32, TIFF 6.0).
 
 use lo_imaging::{Image, Photo, PhotoFile};
 
-/// A little-endian EXIF block: orientation in IFD 0, `(tag, type, value)` in the EXIF IFD; type 5 takes a rational over 1000.
+/// Makes a little-endian EXIF block: orientation in IFD 0, `(tag, type, value)` in the EXIF IFD; a value of type 5 is a
+/// rational over 1000.
 fn exif_block(orientation: u16, tags: &[(u16, u16, u32)]) -> Vec<u8> {
     let entry = |tag: u16, kind: u16, value: u32| {
         [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1u32.to_le_bytes(), &value.to_le_bytes()].concat()
@@ -59,7 +60,7 @@ fn all_eight_orientations() {
     for orientation in 1..=8u16 {
         let Photo::Srgb8(upright) = read(&png_with(&exif_block(orientation, &[]), &stored)).photo else { panic!() };
         for (i, j) in (0..3).flat_map(|i| (0..2).map(move |j| (i, j))) {
-            // the standard: which side of the scene the stored row 0 and column 0 are
+            // by the standard: the visual side of the stored row 0 and column 0
             let at = match orientation {
                 1 => (i, j),         // top, left
                 2 => (2 - i, j),     // top, right
@@ -85,7 +86,7 @@ fn all_eight_orientations() {
 
 #[test]
 fn focal_lengths_give_the_angle_of_the_lens() {
-    // a 36 × 24 mm sensor of 6000 × 4000 pixels behind 50 mm: 2 atan(18 / 50) = 39.6°, upright 2 atan(12 / 50) = 27.0°
+    // 50 mm on a 36 × 24 mm sensor of 6000 × 4000 pixels: 2 atan(18 / 50) = 39.6°, portrait 2 atan(12 / 50) = 27.0°
     let film = [(0xa405, 3, 50)];
     let dpi = (6000.0 / 36.0 * 25.4 * 1000.0) as u32;
     let plane = [(0x920a, 5, 50_000), (0xa002, 4, 6000), (0xa20e, 5, dpi), (0xa210, 3, 2)];
@@ -121,12 +122,12 @@ fn unusable_focal_lengths_are_none() {
         &[][..],
         &[(0xa405, 3, 0)],      // "unknown" in the standard
         &[(0xa405, 3, 60000)],  // 0.03°
-        &[(0x920a, 5, 50_000)], // real millimetres without a sensor
+        &[(0x920a, 5, 50_000)], // millimetres without a sensor size
         &[(0x920a, 5, 50_000), (0xa20e, 5, 0), (0xa002, 4, 6000)],
     ] {
         assert_eq!(read(&jpeg_with(&exif_block(1, tags), 120, 80)).hfov_deg(), None, "{tags:?}");
     }
-    // a damaged block costs neither the picture nor the tags before the damage
+    // a damaged block fails neither the image nor the tags before the damage
     let block = exif_block(6, &[(0xa405, 3, 50)]);
     for length in 0..block.len() {
         let photo = read(&jpeg_with(&block[..length], 120, 80)).photo;

@@ -1,4 +1,4 @@
-//! Pictures, depth maps and mirror balls as files hold them. One binary, so that it is linked once.
+//! Integration tests of image, depth and mirror ball input. One binary, so that it is linked once.
 #![allow(clippy::unwrap_used)]
 
 mod damaged;

@@ -1,21 +1,21 @@
-//! Real photos, depth and panoramas: those of the repository, and those of the data beside the checkout.
+//! Real photos, depth and panoramas: those in the repository, and those of the data beside the checkout.
 
 use std::path::{Path, PathBuf};
 
 use lo_geometry::{Orientation, Vec3, fibonacci_sphere};
-use lo_testdata::{asset, beside, panoramas};
+use lo_testdata::{asset, panoramas, shared_data};
 
-/// The repository's panorama, and after it those that lie beside the checkout.
+/// The repository's panorama, followed by those beside the checkout.
 fn panoramas_here(names: &[&str], untested: &str) -> Vec<PathBuf> {
-    let folder = beside("hdr", untested);
+    let folder = shared_data("hdr", untested);
     let others = folder.iter().flat_map(|folder| names.iter().map(|name| folder.join(name)));
     std::iter::once(panoramas().join(SMALL)).chain(others).collect()
 }
 
-/// Of the repository: 1024 × 512 averaged to 256 × 128.
+/// The repository's panorama: 1024 × 512 averaged to 256 × 128.
 const SMALL: &str = "lebombo_256.hdr";
 
-/// Median, 99 % and highest luminance as the data's README states them, to three digits.
+/// Median, 99 % and highest luminance as stated in the data's README, to three digits.
 const PANORAMAS: [(&str, [f32; 3]); 14] = [
     ("lebombo_1k.hdr", [0.472, 4.66, 23.31]),
     ("brown_photostudio_02_1k.hdr", [0.287, 15.0, 87.82]),
@@ -35,9 +35,9 @@ const PANORAMAS: [(&str, [f32; 3]); 14] = [
 
 #[test]
 fn all_panoramas_load_with_the_published_luminances() {
-    // the small one's by a reader of its own, in Python
+    // values of the small one from an independent reader in Python
     assert_luminances(&panoramas().join(SMALL), (256, 128), [0.472, 4.56, 12.2]);
-    let Some(folder) = beside("hdr", "reading of 14 real panoramas") else { return };
+    let Some(folder) = shared_data("hdr", "reading of 14 real panoramas") else { return };
     for (name, expected) in PANORAMAS {
         assert_luminances(&folder.join(name), (1024, 512), expected);
     }
@@ -64,10 +64,10 @@ fn photos_and_their_depth_load() {
     assert!((near - 1.57).abs() < 0.006 && (far - 3.51).abs() < 0.006, "{near} {far}");
     let photo = lo_imaging::read_photo(asset("library_color.jpg")).unwrap();
     assert_eq!((photo.photo.width(), photo.photo.height()), (1920, 1440));
-    // a photo where depth belongs is refused in words
+    // a photo instead of depth is rejected with a helpful message
     let error = lo_imaging::read_depth(asset("library_color.jpg"), None).unwrap_err().to_string();
     assert!(error.contains("16-bit PNG"), "{error}");
-    let Some(folder) = beside("rgbd", "reading of a Kinect's photo and depth with holes") else { return };
+    let Some(folder) = shared_data("rgbd", "reading of a Kinect's photo and depth with holes") else { return };
     let desk = lo_imaging::read_photo(folder.join("tum_desk_color.png")).unwrap();
     assert!(matches!(desk.photo, lo_imaging::Photo::Srgb8(_)));
     assert_eq!((desk.photo.width(), desk.photo.height()), (640, 480));
@@ -88,7 +88,7 @@ fn main_lights_of_the_panoramas_are_where_the_pictures_show_them() {
         eprintln!("{name}: {light:?}");
         assert!((Vec3::from_array(light.direction).length() - 1.0).abs() < 1e-5, "{name}");
         assert!(light.share > 0.02 && light.share < 1.0, "{name}: {}", light.share);
-        // the light must be brighter than what surrounds it, and turn with the map
+        // the light must be brighter than its surroundings and turn with the map
         let turned = lo_imaging::reorient(&map, Orientation::Lightoctree, Orientation::Openexr);
         let opposite = lo_imaging::main_light(&turned).unwrap();
         let expected = Orientation::Openexr.map_from_world() * Vec3::from_array(light.direction);
@@ -97,7 +97,7 @@ fn main_lights_of_the_panoramas_are_where_the_pictures_show_them() {
     }
 }
 
-/// Irradiance by adding up every pixel in f64.
+/// Irradiance by brute-force summation over all pixels in f64.
 fn brute_force_irradiance(map: &lo_imaging::RadianceImage, normal: Vec3) -> [f64; 3] {
     let (width, height) = (map.width(), map.height());
     let mut sum = [0.0; 3];

@@ -1,4 +1,4 @@
-//! Every writer's files read back, and what other programs write: fixtures made byte by byte.
+//! Round trips through every writer, and files of other programs: fixtures made byte by byte.
 
 use std::path::{Path, PathBuf};
 
@@ -54,7 +54,7 @@ fn half_exr_keeps_eleven_bits_and_holds_what_is_too_large() {
 #[test]
 fn hdr_keeps_eight_bits_of_the_greatest_channel() {
     let folder = folder();
-    // below 8 columns the format is flat; 200 columns need several runs
+    // below 8 columns the encoding is flat; 200 columns need several runs
     for (width, height) in [(200, 9), (8, 8), (7, 5), (1, 1), (129, 3)] {
         let image = radiance(width, height);
         let path = folder.path().join("a.hdr");
@@ -64,7 +64,7 @@ fn hdr_keeps_eight_bits_of_the_greatest_channel() {
             let greatest = b.iter().fold(0.0f32, |m, &v| m.max(v));
             assert!((0..3).all(|c| (a[c] - b[c]).abs() <= greatest / 255.9), "{a:?} {b:?}");
         }
-        // what has been through RGBE once does not change again
+        // a second pass through RGBE changes nothing
         lo_imaging::write_radiance(&path, &back, &ExrOptions::default()).unwrap();
         assert_eq!(lo_imaging::read_radiance(&path).unwrap(), back);
     }
@@ -127,7 +127,7 @@ fn pictures_come_back() {
     let back = lo_imaging::read_photo(&png).unwrap();
     assert_eq!(back.photo, photo);
     assert_eq!(lo_imaging::photo_from_bytes(&lo_imaging::encode_png(&image), "embedded").unwrap().photo, photo);
-    // the extension lies, the content decides
+    // the content decides, not a wrong extension
     let liar = folder.path().join("a.jpg");
     std::fs::copy(&png, &liar).unwrap();
     assert_eq!(lo_imaging::read_photo(&liar).unwrap().photo, photo);
@@ -147,7 +147,7 @@ fn pictures_come_back() {
     let rgba = Image::from_fn(9, 5, |x, y| [x as u8, y as u8, 3, (x * 20) as u8]);
     lo_imaging::write_rgba8(&png, &rgba, lo_imaging::GENERATOR).unwrap();
     assert_eq!(lo_imaging::read_rgba8(&png).unwrap(), rgba);
-    // as a photo its alpha is dropped and the colour stays
+    // read as a photo, alpha is dropped and the colour stays
     let Photo::Srgb8(back) = lo_imaging::read_photo(&png).unwrap().photo else { panic!("8 bits") };
     assert_eq!(back[(4, 2)], [4, 2, 3]);
 }
@@ -169,7 +169,7 @@ fn sixteen_bit_photos_are_linear_and_come_back() {
 
 #[test]
 fn grey_palette_and_plain_formats_are_read() {
-    // PGM, PPM and a 2 × 2 BMP, made by hand
+    // hand-made PGM, PPM and 2 × 2 BMP
     let Photo::Srgb8(grey) = lo_imaging::photo_from_bytes(b"P5 2 1 255\n\x10\xf0", "x").unwrap().photo else {
         panic!()
     };
@@ -201,7 +201,7 @@ fn depth_comes_back_from_every_format() {
         let path = folder.path().join(name);
         lo_imaging::write_depth(&path, &depth, lo_imaging::GENERATOR).unwrap();
         assert_eq!(lo_imaging::read_depth(&path, None).unwrap(), depth, "{name}");
-        // a scale counts for floats too where it is given
+        // an explicit scale applies to floats too
         let half = lo_imaging::read_depth(&path, Some(2.0)).unwrap();
         assert_eq!(half[(1, 0)], depth[(1, 0)] / 2.0);
     }
@@ -265,7 +265,7 @@ fn numpy_headers_of_every_kind() {
         ("{'descr': '<f4', 'fortran_order': False, 'shape': (1,), }", "two dimensions"),
         ("{'descr': '<c8', 'fortran_order': False, 'shape': (1, 1), }", "c8"),
         ("{'descr': '<f4', 'fortran_order': False, 'shape': (100000, 100000), }", "megapixels"),
-        ("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 2), }", "are needed"),
+        ("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 2), }", "only 8 of 16 bytes of pixel data"),
     ] {
         let error = read(&npy(header, &[0; 8])).unwrap_err().to_string();
         assert!(error.contains(says), "{error}");
@@ -319,7 +319,7 @@ fn errors_say_what_is_possible() {
     let message = |e: ImageError| e.to_string();
     assert_eq!(
         message(lo_imaging::write_radiance("a.gif", &image, &ExrOptions::default()).unwrap_err()),
-        "a.gif: cannot write this as “.gif”; use one of .exr, .hdr, .pfm"
+        "a.gif: cannot write an image of this type as “.gif”; use one of .exr, .hdr, .pfm"
     );
     assert!(
         message(lo_imaging::write_depth("a.jpg", &DepthMap::new(1, 1, vec![1.0]), lo_imaging::GENERATOR).unwrap_err())
@@ -327,7 +327,7 @@ fn errors_say_what_is_possible() {
     );
     assert!(
         message(lo_imaging::write_tone_mapped("a", &image, ToneCurve::Clip, 0.0, lo_imaging::GENERATOR).unwrap_err())
-            .contains(".png")
+            .contains("no extension; use one of .png, .jpg")
     );
     assert!(message(lo_imaging::photo_from_bytes(b"hello", "note.txt").unwrap_err()).contains("expected PNG"));
     assert!(message(lo_imaging::read_photo("no-such-file.png").unwrap_err()).starts_with("no-such-file.png: "));

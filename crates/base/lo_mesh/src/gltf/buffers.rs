@@ -10,22 +10,22 @@ use super::json::{Accessor, Root, get};
 use crate::MeshError;
 use crate::model::Resolver;
 
-/// Exporters differ in whether they pad.
+/// Accepts base64 with and without padding, since exporters differ.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &alphabet::STANDARD,
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// The bytes that accessors and images read from.
+/// Contents of all buffers of a glTF file.
 pub(super) struct Buffers<'a> {
     root: &'a Root,
     contents: Vec<Cow<'a, [u8]>>,
-    /// Index into `contents` of each buffer: a file that is named many times is held once.
+    /// Index into `contents` of each buffer: a file used by several buffers is stored once.
     buffers: Vec<usize>,
 }
 
 impl<'a> Buffers<'a> {
-    /// Fetches and decodes every buffer.
+    /// Reads and decodes every buffer.
     pub(super) fn load(root: &'a Root, binary: Option<&'a [u8]>, resolve: &Resolver) -> Result<Self, MeshError> {
         let mut contents: Vec<Cow<[u8]>> = Vec::new();
         let mut buffers = Vec::with_capacity(root.buffers.len());
@@ -37,7 +37,7 @@ impl<'a> Buffers<'a> {
                 None => {
                     contents.push(match (&buffer.uri, binary) {
                         (None, Some(binary)) if index == 0 => binary.into(),
-                        // Compression extensions leave placeholders that nothing reads.
+                        // Compression extensions leave placeholder buffers that nothing reads.
                         (None, _) => Cow::Borrowed(&[]),
                         (Some(uri), _) => read_uri(uri, resolve).map_err(|failure| failure.for_buffer(&place))?.into(),
                     });
@@ -48,7 +48,7 @@ impl<'a> Buffers<'a> {
             if let Some(uri) = &buffer.uri {
                 known.insert(uri, content);
                 if length < buffer.byte_length {
-                    let what = format!("{length} bytes long, {} are announced", buffer.byte_length);
+                    let what = format!("it has {length} bytes instead of {}", buffer.byte_length);
                     return Err(MeshError::syntax("glTF", place, what));
                 }
             }
@@ -57,12 +57,12 @@ impl<'a> Buffers<'a> {
         Ok(Self { root, contents, buffers })
     }
 
-    /// Bytes outside the JSON or GLB file itself.
+    /// Number of bytes outside the JSON or GLB file itself.
     pub(super) fn external_bytes(&self) -> usize {
         self.contents.iter().filter(|b| matches!(b, Cow::Owned(_))).map(|b| b.len()).sum()
     }
 
-    /// The bytes of a buffer view.
+    /// Returns the bytes of a buffer view.
     pub(super) fn view(&self, index: usize) -> Result<&[u8], MeshError> {
         let view = get(&self.root.buffer_views, index, "bufferView")?;
         if view.extensions.meshopt.is_some() {
@@ -74,27 +74,28 @@ impl<'a> Buffers<'a> {
         let buffer = &self.contents[*get(&self.buffers, view.buffer, "buffer")?];
         let end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= buffer.len());
         let end = end.ok_or_else(|| {
-            let what = format!("it runs past the end of buffer {} ({} bytes)", view.buffer, buffer.len());
+            let what = format!("it extends past the end of buffer {} ({} bytes)", view.buffer, buffer.len());
             MeshError::syntax("glTF", format!("bufferView {index}"), what)
         })?;
         Ok(&buffer[view.byte_offset..end])
     }
 
-    /// All elements of an accessor as numbers, `N` components each; integers are scaled to [0, 1] or [−1, 1] where
-    /// the accessor says that they are normalised. Nothing is allocated before the count was checked.
+    /// Reads all elements of an accessor as floats with `N` components.
+    ///
+    /// Normalised integers are scaled to [0, 1] or [−1, 1]. The count is checked against `limit` before allocation.
     pub(super) fn floats<const N: usize>(&self, index: usize, limit: u64) -> Result<Vec<[f32; N]>, MeshError> {
         let accessor = get(&self.root.accessors, index, "accessor")?;
         check_shape(accessor, index, N)?;
-        let component = Component::of(accessor.component_type, index)?;
+        let component = ComponentType::of(accessor.component_type, index)?;
         let convert = |bytes: &[u8]| component.float(bytes, accessor.normalized);
         self.elements(accessor, index, limit, component.size(), 0.0, convert)
     }
 
-    /// All elements of a scalar integer accessor.
+    /// Reads all elements of a scalar integer accessor.
     pub(super) fn indices(&self, index: usize, limit: u64) -> Result<Vec<u32>, MeshError> {
         let accessor = get(&self.root.accessors, index, "accessor")?;
         check_shape(accessor, index, 1)?;
-        let component = Component::unsigned(accessor.component_type, index)?;
+        let component = ComponentType::unsigned(accessor.component_type, index)?;
         let elements = self.elements(accessor, index, limit, component.size(), 0, |bytes| component.index(bytes))?;
         Ok(elements.into_iter().map(|[index]| index).collect())
     }
@@ -130,7 +131,7 @@ impl<'a> Buffers<'a> {
             }
         };
         if let Some(sparse) = &accessor.sparse {
-            let component = Component::unsigned(sparse.indices.component_type, index)?;
+            let component = ComponentType::unsigned(sparse.indices.component_type, index)?;
             let (at, values) = (self.view(sparse.indices.buffer_view)?, self.view(sparse.values.buffer_view)?);
             let size = component.size();
             let at = strided(at, sparse.indices.byte_offset, size, size, sparse.count)
@@ -140,7 +141,7 @@ impl<'a> Buffers<'a> {
             for (at, value) in at.chunks_exact(size).zip(values.chunks_exact(element_bytes)).take(sparse.count) {
                 let at = component.index(at) as usize;
                 *result.get_mut(at).ok_or_else(|| {
-                    let what = format!("sparse index {at}, but there are {} elements", accessor.count);
+                    let what = format!("sparse index {at} is out of range for {} elements", accessor.count);
                     MeshError::syntax("glTF", place(), what)
                 })? = element(value);
             }
@@ -149,7 +150,7 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// The bytes from the first element on, where all `count` elements lie inside.
+/// Returns the bytes from the first element on; `None` if any of `count` elements is out of bounds.
 fn strided(bytes: &[u8], offset: usize, stride: usize, element: usize, count: usize) -> Option<&[u8]> {
     let bytes = bytes.get(offset..)?;
     let needed = count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(element))?;
@@ -167,7 +168,7 @@ fn components(accessor: &Accessor, index: usize) -> Result<usize, MeshError> {
         "VEC3" => Ok(3),
         "VEC4" => Ok(4),
         other => {
-            let what = format!("type {other} where a scalar or vector belongs");
+            let what = format!("type {other} instead of a scalar or vector");
             Err(MeshError::syntax("glTF", format!("accessor {index}"), what))
         }
     }
@@ -178,13 +179,13 @@ fn check_shape(accessor: &Accessor, index: usize, expected: usize) -> Result<(),
     if found == expected {
         return Ok(());
     }
-    let what = format!("{found} components per element, {expected} belong there");
+    let what = format!("{found} components per element instead of {expected}");
     Err(MeshError::syntax("glTF", format!("accessor {index}"), what))
 }
 
 /// glTF component types.
 #[derive(Clone, Copy, PartialEq)]
-enum Component {
+enum ComponentType {
     I8,
     U8,
     I16,
@@ -193,7 +194,7 @@ enum Component {
     F32,
 }
 
-impl Component {
+impl ComponentType {
     fn of(code: u32, accessor: usize) -> Result<Self, MeshError> {
         match code {
             5120 => Ok(Self::I8),
@@ -203,7 +204,7 @@ impl Component {
             5125 => Ok(Self::U32),
             5126 => Ok(Self::F32),
             _ => {
-                let what = format!("componentType {code} does not exist");
+                let what = format!("unknown componentType {code}");
                 Err(MeshError::syntax("glTF", format!("accessor {accessor}"), what))
             }
         }
@@ -213,7 +214,7 @@ impl Component {
         match Self::of(code, accessor)? {
             component @ (Self::U8 | Self::U16 | Self::U32) => Ok(component),
             _ => {
-                let what = format!("componentType {code} where indices belong");
+                let what = format!("componentType {code} is not an index type");
                 Err(MeshError::syntax("glTF", format!("accessor {accessor}"), what))
             }
         }
@@ -227,7 +228,7 @@ impl Component {
         }
     }
 
-    /// Value of one component; `bytes` has [`Component::size`] bytes.
+    /// Converts one component; `bytes` has [`ComponentType::size`] bytes.
     fn float(self, bytes: &[u8], normalized: bool) -> f32 {
         let word = || [bytes[0], bytes[1], bytes[2], bytes[3]];
         let (value, largest) = match self {
@@ -250,48 +251,48 @@ impl Component {
     }
 }
 
-/// Why a URI gave no bytes.
-pub(super) enum UriFailure {
-    /// A `data:` URI that does not decode, or a scheme that is not read.
-    Broken(String),
+/// Error of reading a URI.
+pub(super) enum UriError {
+    /// An invalid `data:` URI or an unsupported scheme.
+    Invalid(String),
     /// A file that cannot be read.
     File {
-        /// Its name, percent signs decoded.
+        /// File name, percent-decoded.
         name: String,
-        /// What the system says.
+        /// Error of the operating system.
         reason: String,
     },
 }
 
-impl UriFailure {
+impl UriError {
     fn for_buffer(self, place: &str) -> MeshError {
         match self {
-            Self::Broken(what) => MeshError::syntax("glTF", place, what),
+            Self::Invalid(what) => MeshError::syntax("glTF", place, what),
             Self::File { name, reason } => MeshError::MissingBuffer { path: PathBuf::from(name), reason },
         }
     }
 
-    /// Text for a warning.
+    /// Message for a warning.
     pub(super) fn text(self) -> String {
         match self {
-            Self::Broken(what) => what,
+            Self::Invalid(what) => what,
             Self::File { name, reason } => format!("cannot read {name}: {reason}"),
         }
     }
 }
 
-/// Bytes of a `data:` URI or of a neighbouring file.
-pub(super) fn read_uri(uri: &str, resolve: &Resolver) -> Result<Vec<u8>, UriFailure> {
+/// Reads a `data:` URI or a neighbouring file.
+pub(super) fn read_uri(uri: &str, resolve: &Resolver) -> Result<Vec<u8>, UriError> {
     if let Some(data) = uri.strip_prefix("data:") {
         let (_, encoded) =
-            data.split_once(";base64,").ok_or_else(|| UriFailure::Broken("a data URI without base64".to_owned()))?;
+            data.split_once(";base64,").ok_or_else(|| UriError::Invalid("the data URI is not base64".to_owned()))?;
         return BASE64
             .decode(encoded.trim_end())
-            .map_err(|error| UriFailure::Broken(format!("a data URI that does not decode: {error}")));
+            .map_err(|error| UriError::Invalid(format!("invalid base64 in a data URI: {error}")));
     }
     let name = percent_encoding::percent_decode_str(uri).decode_utf8_lossy().into_owned();
     if name.contains("://") {
-        return Err(UriFailure::Broken(format!("{name} is not a file beside the mesh; download it first")));
+        return Err(UriError::Invalid(format!("{name} is not a local file; download it and put it beside the mesh")));
     }
-    resolve(&name).map_err(|error| UriFailure::File { name, reason: error.to_string() })
+    resolve(&name).map_err(|error| UriError::File { name, reason: error.to_string() })
 }

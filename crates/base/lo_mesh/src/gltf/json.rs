@@ -1,6 +1,6 @@
-//! The part of the glTF 2.0 schema that is read, as serde structures.
+//! The supported part of the glTF 2.0 schema, as serde structures.
 //!
-//! Indices are plain numbers here; whoever follows one checks it and can say which property was wrong.
+//! Indices are plain numbers; code that follows one checks it with [`get`] and reports the property.
 
 use serde::Deserialize;
 
@@ -330,9 +330,10 @@ fn ones() -> [f32; 2] {
     [1.0; 2]
 }
 
-/// The element that an index names.
+/// Returns the element of an index.
 pub fn get<'a, T>(list: &'a [T], index: usize, kind: &str) -> Result<&'a T, MeshError> {
     list.get(index).ok_or_else(|| {
-        MeshError::syntax("glTF", format!("{kind} {index}"), format!("it is named, but there are only {}", list.len()))
+        let what = format!("the index is out of range, the file has {}", list.len());
+        MeshError::syntax("glTF", format!("{kind} {index}"), what)
     })
 }

@@ -6,7 +6,7 @@ use crate::model::Resolver;
 use crate::texture::TextureBudget;
 use crate::{AlphaMode, Material, MeshError, MeshWarning, Model, Texture, TextureRef, Wrap};
 
-/// Appends all materials, then the standard's default material, and the textures that they use.
+/// Appends all materials and glTF's default material to the model, with their textures.
 pub(super) fn read(
     root: &Root,
     buffers: &Buffers,
@@ -14,7 +14,7 @@ pub(super) fn read(
     file_bytes: usize,
     model: &mut Model,
 ) -> Result<(), MeshError> {
-    let mut textures = Textures {
+    let mut textures = TextureLoader {
         root,
         buffers,
         resolve,
@@ -33,10 +33,14 @@ pub(super) fn read(
     Ok(())
 }
 
-fn read_material(index: usize, source: &super::json::Material, textures: &mut Textures) -> Result<Material, MeshError> {
+fn read_material(
+    index: usize,
+    source: &super::json::Material,
+    textures: &mut TextureLoader,
+) -> Result<Material, MeshError> {
     let pbr = &source.pbr_metallic_roughness;
     let strength = source.extensions.emissive_strength.as_ref().map_or(1.0, |e| non_negative(e.emissive_strength));
-    let optional = |info: &Option<TextureInfo>, srgb: bool, textures: &mut Textures| match info {
+    let optional = |info: &Option<TextureInfo>, srgb: bool, textures: &mut TextureLoader| match info {
         Some(info) => textures.get(info, srgb),
         None => Ok(None),
     };
@@ -75,7 +79,7 @@ fn read_material(index: usize, source: &super::json::Material, textures: &mut Te
     })
 }
 
-/// Into [0, 1]; NaN becomes 0.
+/// Clamps to [0, 1]; NaN becomes 0.
 fn share(value: f32) -> f32 {
     if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) }
 }
@@ -84,26 +88,26 @@ fn non_negative(value: f32) -> f32 {
     if value.is_finite() { value.max(0.0) } else { 0.0 }
 }
 
-/// Decodes each image once per colour space.
-struct Textures<'a> {
+/// Loads textures; decodes each image once per colour space.
+struct TextureLoader<'a> {
     root: &'a Root,
     buffers: &'a Buffers<'a>,
     resolve: &'a Resolver<'a>,
-    /// (image, sRGB) to the model's texture; none where the image could not be used.
+    /// Texture index by (image, sRGB); `None` for an image that could not be used.
     known: HashMap<(usize, bool), Option<usize>>,
     textures: Vec<Texture>,
     warnings: Vec<MeshWarning>,
     budget: TextureBudget,
-    /// Picture files that the budget knows of.
+    /// Image files already counted in the budget.
     counted: HashSet<&'a str>,
 }
 
-impl<'a> Textures<'a> {
-    /// The texture that a material names; none, with a warning, where its picture is missing or unreadable.
+impl<'a> TextureLoader<'a> {
+    /// Returns the texture that a material refers to; `None`, with a warning, if its image is missing or unreadable.
     fn get(&mut self, info: &TextureInfo, srgb: bool) -> Result<Option<TextureRef>, MeshError> {
         let texture = get(&self.root.textures, info.index, "texture")?;
         let Some(image) = texture.extensions.webp.as_ref().map(|webp| webp.source).or(texture.source) else {
-            self.warnings.push(MeshWarning::texture(&info.index.to_string(), "it has no picture that can be read"));
+            self.warnings.push(MeshWarning::texture(&info.index.to_string(), "it has no image in a supported format"));
             return Ok(None);
         };
         let index = match self.known.get(&(image, srgb)) {
@@ -121,7 +125,7 @@ impl<'a> Textures<'a> {
         let transform = info.extensions.transform.as_ref();
         let uv_set = transform.and_then(|t| t.tex_coord).unwrap_or(info.tex_coord);
         if uv_set > 1 {
-            let reason = format!("it uses UV set {uv_set}; only 0 and 1 are read");
+            let reason = format!("it uses UV set {uv_set}; only sets 0 and 1 are supported");
             self.warnings.push(MeshWarning::texture(&info.index.to_string(), &reason));
             return Ok(None);
         }
@@ -163,12 +167,12 @@ impl<'a> Textures<'a> {
                 Ok(bytes)
             }
             (None, Some(view)) => self.buffers.view(view).map(<[u8]>::to_vec).map_err(|error| error.to_string()),
-            (None, None) => Err("it names neither a file nor a buffer view".to_owned()),
+            (None, None) => Err("the image has neither a URI nor a buffer view".to_owned()),
         }
     }
 }
 
-/// `KHR_texture_transform`: translation · rotation · scale.
+/// Matrix of `KHR_texture_transform`: translation · rotation · scale.
 fn matrix(transform: &TextureTransform) -> [f32; 6] {
     let (sin, cos) = transform.rotation.sin_cos();
     let ([sx, sy], [tx, ty]) = (transform.scale, transform.offset);

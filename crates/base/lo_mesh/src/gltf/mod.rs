@@ -14,8 +14,8 @@ pub use self::write::{GlbScene, GlbSun};
 use crate::model::Resolver;
 use crate::{MeshError, MeshWarning, Model};
 
-/// Extensions that may stand in `extensionsRequired`: those that are read, and those without which the picture
-/// is still the intended one.
+/// Extensions accepted in `extensionsRequired`: those that are read, and those that can be ignored without changing the
+/// model's appearance.
 const SUPPORTED_EXTENSIONS: [&str; 6] = [
     "KHR_materials_unlit",
     "KHR_materials_emissive_strength",
@@ -25,7 +25,7 @@ const SUPPORTED_EXTENSIONS: [&str; 6] = [
     "KHR_lights_punctual",
 ];
 
-/// Reads the model without checking or completing its vertices.
+/// Reads the model, without checking or completing its vertices.
 pub(crate) fn read(bytes: &[u8], resolve: &Resolver) -> Result<Model, MeshError> {
     let (json, binary) = if bytes.starts_with(b"glTF") { split_glb(bytes)? } else { (bytes, None) };
     let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
@@ -33,7 +33,7 @@ pub(crate) fn read(bytes: &[u8], resolve: &Resolver) -> Result<Model, MeshError>
         MeshError::syntax("glTF", format!("line {}, column {}", error.line(), error.column()), error.to_string())
     })?;
     if !root.asset.version.starts_with("2.") {
-        let what = format!("glTF version {} (2.0 can be read)", root.asset.version);
+        let what = format!("unsupported glTF version {}; only 2.0 is supported", root.asset.version);
         return Err(MeshError::syntax("glTF", "asset.version", what));
     }
     check_extensions(&root)?;
@@ -48,7 +48,7 @@ pub(crate) fn read(bytes: &[u8], resolve: &Resolver) -> Result<Model, MeshError>
     Ok(model)
 }
 
-/// The most triangles (and vertices) that instances and shared accessors may unfold to: a small file stays small.
+/// Returns the limit of triangles and vertices after expanding instances and shared accessors, for a file of this size.
 fn triangle_limit(bytes: usize) -> u64 {
     2_000_000 + bytes as u64
 }
@@ -60,46 +60,47 @@ fn check_extensions(root: &Root) -> Result<(), MeshError> {
         Some(name) => {
             let remedy = match name.as_str() {
                 "KHR_draco_mesh_compression" => {
-                    "export without Draco compression, or unpack the file with `gltf-transform cp in.glb out.glb`"
+                    "export without Draco compression, or decompress the file with `gltf-transform cp in.glb out.glb`"
                 }
                 "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-                    "export without meshopt compression, or unpack the file with `gltf-transform cp in.glb out.glb`"
+                    "export without meshopt compression, or decompress the file with `gltf-transform cp in.glb out.glb`"
                 }
                 "KHR_texture_basisu" => {
                     "export with PNG or JPEG textures, or convert the file with `gltf-transform ktxdecompress`"
                 }
-                _ => "export the model without it",
+                _ => "export the model without this extension",
             };
             Err(MeshError::UnsupportedExtension { name: name.clone(), remedy })
         }
     }
 }
 
-/// The JSON and BIN chunks of a GLB file.
+/// Returns the JSON and BIN chunks of a GLB file.
 fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
-    let broken = |at: usize, what: String| MeshError::syntax("GLB", format!("byte {at}"), what);
+    let invalid = |at: usize, what: String| MeshError::syntax("GLB", format!("byte {at}"), what);
     let word = |at: usize| -> Result<u32, MeshError> {
         let word = bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
-        word.ok_or_else(|| broken(at, "the file ends inside a header".to_owned()))
+        word.ok_or_else(|| invalid(at, "unexpected end of file in a header".to_owned()))
     };
     let version = word(4)?;
     if version != 2 {
-        return Err(broken(4, format!("container version {version} (2 can be read)")));
+        return Err(invalid(4, format!("unsupported container version {version}; only 2 is supported")));
     }
     let length = word(8)? as usize;
     if length > bytes.len() {
-        return Err(broken(8, format!("{length} bytes announced, the file has {}", bytes.len())));
+        return Err(invalid(8, format!("the header declares {length} bytes, the file has {}", bytes.len())));
     }
     let chunk = |at: usize, kind: &[u8; 4]| -> Result<&[u8], MeshError> {
         let length = word(at)? as usize;
         if word(at + 4)?.to_le_bytes() != *kind {
-            return Err(broken(
+            return Err(invalid(
                 at + 4,
                 format!("expected a {} chunk", String::from_utf8_lossy(kind).trim_end_matches('\0')),
             ));
         }
         let end = (at + 8).checked_add(length).filter(|&end| end <= bytes.len());
-        let end = end.ok_or_else(|| broken(at, format!("a chunk of {length} bytes runs past the end of the file")))?;
+        let end =
+            end.ok_or_else(|| invalid(at, format!("a chunk of {length} bytes extends past the end of the file")))?;
         Ok(&bytes[at + 8..end])
     };
     let json = chunk(12, b"JSON")?;

@@ -31,9 +31,9 @@ pub(super) fn read(root: &Root, buffers: &Buffers, limit: u64, model: &mut Model
                 }
                 None => default_material,
             };
-            let mut part = read_primitive(primitive, buffers, left, &place)?;
-            part.place(&world_from_mesh);
-            append(model, part, material);
+            let mut mesh = read_primitive(primitive, buffers, left, &place)?;
+            mesh.transform(&world_from_mesh);
+            append(model, mesh, material);
         }
     }
     if skipped > 0 {
@@ -50,8 +50,8 @@ fn warn_about_poses(root: &Root, model: &mut Model) {
     }
 }
 
-/// One primitive with vertices of its own.
-struct Part {
+/// One primitive with its own vertices.
+struct PrimitiveMesh {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     tangents: Vec<[f32; 4]>,
@@ -60,10 +60,15 @@ struct Part {
     triangles: Vec<[u32; 3]>,
 }
 
-fn read_primitive(primitive: &Primitive, buffers: &Buffers, limit: u64, place: &str) -> Result<Part, MeshError> {
+fn read_primitive(
+    primitive: &Primitive,
+    buffers: &Buffers,
+    limit: u64,
+    place: &str,
+) -> Result<PrimitiveMesh, MeshError> {
     let attribute = |name: &str| primitive.attributes.get(name).copied();
     let Some(position) = attribute("POSITION") else {
-        return Err(MeshError::syntax("glTF", place, "it has no POSITION"));
+        return Err(MeshError::syntax("glTF", place, "it has no POSITION attribute"));
     };
     let positions: Vec<Vec3> = buffers.floats::<3>(position, limit)?.into_iter().map(Vec3::from_array).collect();
     let count = positions.len();
@@ -71,7 +76,7 @@ fn read_primitive(primitive: &Primitive, buffers: &Buffers, limit: u64, place: &
         let what = format!("{length} values of {name} for {count} positions");
         if length == count { Ok(()) } else { Err(MeshError::syntax("glTF", place, what)) }
     };
-    let mut part = Part {
+    let mut part = PrimitiveMesh {
         positions,
         normals: Vec::new(),
         tangents: Vec::new(),
@@ -82,7 +87,7 @@ fn read_primitive(primitive: &Primitive, buffers: &Buffers, limit: u64, place: &
     if let Some(accessor) = attribute("NORMAL") {
         part.normals = buffers.floats::<3>(accessor, limit)?.into_iter().map(Vec3::from_array).collect();
         same_length("NORMAL", part.normals.len())?;
-        // Without normals the standard wants given tangents ignored.
+        // By the specification, tangents are ignored without normals.
         if let Some(accessor) = attribute("TANGENT") {
             part.tangents = buffers.floats::<4>(accessor, limit)?;
             same_length("TANGENT", part.tangents.len())?;
@@ -119,7 +124,7 @@ fn read_primitive(primitive: &Primitive, buffers: &Buffers, limit: u64, place: &
     Ok(part)
 }
 
-/// Triangles of a list (mode 4), a strip (5) or a fan (6).
+/// Assembles the triangles of a list (mode 4), a strip (5) or a fan (6).
 fn assemble(mode: u32, indices: &[u32]) -> Vec<[u32; 3]> {
     match mode {
         4 => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
@@ -132,8 +137,8 @@ fn assemble(mode: u32, indices: &[u32]) -> Vec<[u32; 3]> {
     }
 }
 
-impl Part {
-    /// Gives every triangle vertices of its own: flat shading, which the standard asks for where normals are missing.
+impl PrimitiveMesh {
+    /// Splits vertices so that every triangle has its own: flat shading, as specified for missing normals.
     fn flatten(&mut self) {
         fn gather<T: Copy>(list: &mut Vec<T>, triangles: &[[u32; 3]]) {
             if !list.is_empty() {
@@ -146,15 +151,15 @@ impl Part {
         }
         gather(&mut self.colors, &self.triangles);
         self.triangles = (0..self.triangles.len() as u32).map(|t| [t * 3, t * 3 + 1, t * 3 + 2]).collect();
-        // Zero normals become those of their faces when the model is completed.
+        // Zero normals are replaced by face normals when the model is completed.
         self.normals = vec![Vec3::ZERO; self.positions.len()];
     }
 
-    /// Moves the primitive into world coordinates; a mirroring transform turns the winding.
-    fn place(&mut self, world_from_mesh: &Mat4) {
+    /// Transforms the primitive to world coordinates; a mirroring transform flips the winding.
+    fn transform(&mut self, world_from_mesh: &Mat4) {
         let linear = Mat3::from_mat4(*world_from_mesh);
         let determinant = linear.as_dmat3().determinant();
-        // The cofactor matrix carries normals right for every transform, singular ones too.
+        // The cofactor matrix transforms normals correctly, even for singular transforms.
         let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis].map(Vec3::as_dvec3);
         let sign = if determinant < 0.0 { -1.0 } else { 1.0 };
         let cofactors = [y.cross(z) * sign, z.cross(x) * sign, x.cross(y) * sign];
@@ -178,8 +183,8 @@ impl Part {
     }
 }
 
-/// Adds the primitive to the model; a list that only one of the two has is filled up for the other.
-fn append(model: &mut Model, part: Part, material: u32) {
+/// Appends the primitive to the model. An attribute that only one of them has is padded for the other.
+fn append(model: &mut Model, part: PrimitiveMesh, material: u32) {
     fn join<T: Copy>(all: &mut Vec<T>, before: usize, new: Vec<T>, added: usize, missing: T) {
         if all.is_empty() && new.is_empty() {
             return;

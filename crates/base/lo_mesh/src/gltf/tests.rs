@@ -105,7 +105,7 @@ fn lists_strips_fans_and_index_types() {
     let lines = square().root(json!({"attributes": {"POSITION": 0}, "mode": 1}), json!({}));
     assert_eq!(
         read_json(&lines).unwrap_err().to_string(),
-        "the mesh has no triangles: 1 primitives of points or lines left out"
+        "the mesh has no triangles: primitives of points or lines ignored: 1"
     );
     let unindexed = square().root(json!({"attributes": {"POSITION": 0}, "mode": 5}), json!({}));
     assert_eq!(read_json(&unindexed).unwrap().triangles.len(), 2);
@@ -142,7 +142,7 @@ fn nodes_move_and_mirrors_turn_the_winding() {
 #[test]
 fn attributes_normalised_sparse_and_coloured() {
     let mut builder = square();
-    // Sparse: no base view, so zeros, but for the last two.
+    // Sparse without a base view: zeros except for the last two.
     let at = builder.view(&[2, 3]);
     let values = builder.view(&floats(&[0.5, 0.25, 1.0, 0.75]));
     builder.accessors.push(json!({"componentType": 5126, "type": "VEC2", "count": 4, "sparse": {"count": 2,
@@ -203,7 +203,7 @@ fn materials_and_textures() {
     assert!(material.normal_texture.is_none());
     assert_eq!(model.warnings.len(), 1);
     assert!(
-        model.warnings[0].to_string().starts_with("texture gone%20away.png left out: cannot read gone away.png: "),
+        model.warnings[0].to_string().starts_with("texture gone%20away.png ignored: cannot read gone away.png: "),
         "{:?}",
         model.warnings
     );
@@ -222,41 +222,41 @@ fn errors_say_what_to_do() {
     draco["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
     assert_eq!(
         error(draco),
-        "needs the glTF extension KHR_draco_mesh_compression, which is not supported: export without Draco \
-         compression, or unpack the file with `gltf-transform cp in.glb out.glb`"
+        "the file requires the unsupported glTF extension KHR_draco_mesh_compression: export without Draco \
+         compression, or decompress the file with `gltf-transform cp in.glb out.glb`"
     );
     assert_eq!(
         error(with("/buffers/0/uri", json!("data%201.bin"))),
-        "the mesh keeps its vertices in data 1.bin, which cannot be read: entity not found"
+        "cannot read data 1.bin, which contains the mesh's vertices: entity not found"
     );
     let huge = error(with("/accessors/0/count", json!(4_000_000_000_u64)));
-    assert!(
-        huge.starts_with("the mesh unfolds to 4000000000 vertices, more than a file of this size may ask for (20"),
-        "{huge}"
-    );
+    assert!(huge.starts_with("the mesh expands to 4000000000 vertices, more than the limit of 20"), "{huge}");
     assert_eq!(
         error(with("/accessors/0/count", json!(5))),
-        "broken glTF at accessor 0: 5 elements do not fit into bufferView 0 (48 bytes)"
+        "invalid glTF file at accessor 0: 5 elements do not fit into bufferView 0 (48 bytes)"
     );
-    assert_eq!(error(with("/nodes/0/mesh", json!(3))), "broken glTF at mesh 3: it is named, but there are only 1");
+    assert_eq!(
+        error(with("/nodes/0/mesh", json!(3))),
+        "invalid glTF file at mesh 3: the index is out of range, the file has 1"
+    );
     assert_eq!(
         error(with("/nodes/0", json!({"mesh": 0, "children": [0]}))),
-        "broken glTF at node 0: it hangs on the node tree twice"
+        "invalid glTF file at node 0: it has several parents, or the hierarchy is too deep"
     );
     assert_eq!(
         error(with("/asset/version", json!("1.0"))),
-        "broken glTF at asset.version: glTF version 1.0 (2.0 can be read)"
+        "invalid glTF file at asset.version: unsupported glTF version 1.0; only 2.0 is supported"
     );
     let mut wrong = square();
     let indices = wrong.accessor(&[0, 1, 9], 5121, "SCALAR", 3);
     let root = wrong.root(json!({"attributes": {"POSITION": 0}, "indices": indices}), json!({}));
-    assert_eq!(error(root), "mesh 0 '', primitive 0 names vertex 9, but there are 4 vertices (counted from 0)");
-    assert!(error(json!({"asset": 3})).starts_with("broken glTF at line 1, column "));
+    assert_eq!(error(root), "mesh 0 '', primitive 0 refers to vertex 9, but there are 4 vertices (counted from 0)");
+    assert!(error(json!({"asset": 3})).starts_with("invalid glTF file at line 1, column "));
 }
 
 #[test]
 fn instances_of_instances_stay_within_the_budget() {
-    // 2000 nodes show one mesh of 4000 triangles that share their three vertices' bytes.
+    // 2000 nodes instantiate one mesh of 4000 triangles that share three vertices.
     let mut builder = square();
     let indices = builder.accessor(&[0, 1, 2].repeat(4000), 5121, "SCALAR", 12_000);
     let nodes: Vec<Value> = (0..2000).map(|_| json!({"mesh": 0})).collect();
@@ -319,5 +319,5 @@ fn a_device_is_no_file_beside_the_mesh() {
     std::fs::write(&path, root.to_string()).unwrap();
     let error = Model::load(&path, &crate::LoadOptions::default()).unwrap_err();
     let error = std::error::Error::source(&error).unwrap().to_string();
-    assert!(error.ends_with("it is no regular file"), "{error}");
+    assert!(error.ends_with("not a regular file"), "{error}");
 }

@@ -3,10 +3,10 @@ use lo_geometry::{Mat4, Quat, Vec3};
 use super::json::{Node, Root, get};
 use crate::MeshError;
 
-/// Deepest chain of nodes that is followed.
-const DEEPEST: usize = 10_000;
+/// Largest depth of the node hierarchy.
+const MAX_DEPTH: usize = 10_000;
 
-/// Every node of the scene that shows a mesh, with its world transform (f64 would not help: the file has f32).
+/// Returns every mesh instance of the scene with its world transform, in f32 as in the file.
 pub(super) fn placed_meshes(root: &Root) -> Result<Vec<(usize, Mat4)>, MeshError> {
     let roots: Vec<usize> = match (root.scene, root.scenes.is_empty()) {
         (Some(scene), _) => get(&root.scenes, scene, "scene")?.nodes.clone(),
@@ -19,14 +19,18 @@ pub(super) fn placed_meshes(root: &Root) -> Result<Vec<(usize, Mat4)>, MeshError
     while let Some((index, parent, depth)) = stack.pop() {
         let node = get(&root.nodes, index, "node")?;
         if depth == 0 && seen[index] {
-            continue; // Several scenes may share a root.
+            continue; // Scenes may share a root.
         }
-        if std::mem::replace(&mut seen[index], true) || depth > DEEPEST {
-            return Err(MeshError::syntax("glTF", format!("node {index}"), "it hangs on the node tree twice"));
+        if std::mem::replace(&mut seen[index], true) || depth > MAX_DEPTH {
+            return Err(MeshError::syntax(
+                "glTF",
+                format!("node {index}"),
+                "it has several parents, or the hierarchy is too deep",
+            ));
         }
         let world_from_node = parent * local(node);
         if let Some(mesh) = node.mesh {
-            // Skinned vertices follow their joints alone; in the bind pose that leaves them where they are.
+            // Skinned vertices follow only their joints, which leave them unchanged in the bind pose.
             result.push((mesh, if node.skin.is_some() { Mat4::IDENTITY } else { world_from_node }));
         }
         stack.extend(node.children.iter().rev().map(|&child| (child, world_from_node, depth + 1)));
@@ -34,7 +38,7 @@ pub(super) fn placed_meshes(root: &Root) -> Result<Vec<(usize, Mat4)>, MeshError
     Ok(result)
 }
 
-/// Roots of the node forest, for files without a scene.
+/// Returns the nodes without a parent, as roots of files without a scene.
 fn parentless(root: &Root) -> Vec<usize> {
     let mut has_parent = vec![false; root.nodes.len()];
     for &child in root.nodes.iter().flat_map(|node| &node.children) {

@@ -1,4 +1,5 @@
-//! A model as glTF 2.0 binary: one mesh per object with one primitive per material, textures as PNG inside of the file, cameras, a sun.
+//! Encodes a model as binary glTF 2.0: one mesh per object with one primitive per material, embedded PNG textures,
+//! cameras and a sun.
 
 use std::collections::BTreeMap;
 
@@ -7,36 +8,36 @@ use serde_json::{Map, Value, json};
 
 use crate::{AlphaMode, GlbTooLarge, GlbWriter, Material, Model, Texture, TextureRef, Wrap};
 
-/// Lumens of a watt, as Blender's importer has it: it takes the illuminance of a sun back by this factor, to the scale of emissive
+/// Lumens per watt of Blender's importer, which divides a sun's illuminance by it to match the scale of emissive
 /// surfaces.
 const LUMENS: f32 = 683.0;
 
-/// What a glTF file shows beside a model.
+/// Contents of a glTF file in addition to the model.
 #[derive(Clone, Debug, Default)]
 pub struct GlbScene {
-    /// Names of objects and the triangles of each. Every object becomes a mesh with a node of its own; without any, the whole model
-    /// is one.
+    /// Name and triangle indices of each object. Every object becomes a mesh with its own node; without any, the whole
+    /// model is one object.
     pub objects: Vec<(String, Vec<usize>)>,
-    /// Names, lenses and places of cameras: world from camera.
+    /// Name, lens and pose (world from camera) of each camera.
     pub cameras: Vec<(String, Camera, RigidTransform)>,
-    /// The sun, where it shines.
+    /// The sun, if any.
     pub sun: Option<GlbSun>,
-    /// What the scene's `extras` say.
+    /// The scene's `extras`.
     pub extras: Value,
 }
 
-/// Light from far away.
+/// A directional light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GlbSun {
-    /// Unit direction towards it.
+    /// Unit direction towards the light.
     pub direction: Vec3,
-    /// Linear RGB irradiance on what faces it, in the units of emissive radiance times sr.
+    /// Linear RGB irradiance on a surface that faces it, in units of emissive radiance times sr.
     pub irradiance: [f32; 3],
-    /// Angular radius; glTF has no place for it but `extras`.
+    /// Angular radius, stored in `extras`.
     pub angular_radius_rad: f32,
 }
 
-/// The whole file.
+/// Encodes the whole file.
 pub(crate) fn write(model: &Model, generator: &str, scene: &GlbScene) -> Result<Vec<u8>, GlbTooLarge> {
     let mut binary = GlbWriter::default();
     let whole = [("Scene".to_owned(), (0..model.triangles.len()).collect())];
@@ -51,7 +52,7 @@ pub(crate) fn write(model: &Model, generator: &str, scene: &GlbScene) -> Result<
         meshes.push(json!({ "name": name, "primitives": primitives }));
     }
     let images: Vec<Value> = model.textures.iter().map(|texture| image(texture, &mut binary)).collect();
-    let mut samplers = Lists::default();
+    let mut samplers = TextureLists::default();
     let mut extensions = BTreeMap::new();
     let materials: Vec<Value> =
         model.materials.iter().map(|m| material_json(m, &mut samplers, &mut extensions)).collect();
@@ -95,7 +96,7 @@ pub(crate) fn write(model: &Model, generator: &str, scene: &GlbScene) -> Result<
     binary.finish(document)
 }
 
-/// A camera whose principal point is in the middle.
+/// Camera JSON; glTF cameras have a centred principal point.
 fn camera_json(name: &str, camera: &Camera) -> Value {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     json!({
@@ -120,7 +121,7 @@ fn sun_json(sun: &GlbSun) -> Value {
     })
 }
 
-/// Triangles of each material that has some, of these.
+/// Groups triangles by material.
 fn by_material(model: &Model, triangles: &[usize]) -> BTreeMap<u32, Vec<[u32; 3]>> {
     let mut groups: BTreeMap<u32, Vec<[u32; 3]>> = BTreeMap::new();
     for &triangle in triangles {
@@ -129,7 +130,7 @@ fn by_material(model: &Model, triangles: &[usize]) -> BTreeMap<u32, Vec<[u32; 3]
     groups
 }
 
-/// The triangles of one material with the vertices that they use.
+/// Encodes the triangles of one material with the vertices that they use.
 fn primitive(model: &Model, material: u32, triangles: &[[u32; 3]], binary: &mut GlbWriter) -> Value {
     let mut new = vec![u32::MAX; model.positions.len()];
     let mut used = Vec::new();
@@ -186,15 +187,15 @@ fn image(texture: &Texture, binary: &mut GlbWriter) -> Value {
     json!({ "mimeType": "image/png", "bufferView": binary.view(&png) })
 }
 
-/// Samplers and the textures that join them with images, each once.
+/// Deduplicated samplers and textures.
 #[derive(Default)]
-struct Lists {
+struct TextureLists {
     samplers: Vec<Value>,
     textures: Vec<Value>,
 }
 
-impl Lists {
-    /// A `textureInfo` for the use of a texture.
+impl TextureLists {
+    /// Returns the `textureInfo` of a texture reference.
     fn info(&mut self, reference: &TextureRef, extensions: &mut BTreeMap<&'static str, ()>) -> Value {
         let wrap = reference.wrap.map(|wrap| match wrap {
             Wrap::Repeat => 10497,
@@ -221,7 +222,8 @@ fn index_of(list: &mut Vec<Value>, value: Value) -> usize {
     })
 }
 
-/// Offset, rotation and scale of a 2×3 matrix `T · R · S` (`KHR_texture_transform`; its R turns clockwise in (u, v down)).
+/// Decomposes a 2×3 matrix `T · R · S` to offset, rotation and scale of `KHR_texture_transform`, whose R turns
+/// clockwise in (u, v down).
 fn transform(m: &[f32; 6]) -> Value {
     let scale_u = m[0].hypot(m[3]);
     let rotation = (-m[3]).atan2(m[0]);
@@ -230,7 +232,7 @@ fn transform(m: &[f32; 6]) -> Value {
     json!({ "offset": [m[2], m[5]], "rotation": rotation, "scale": [scale_u, scale_v] })
 }
 
-fn material_json(m: &Material, lists: &mut Lists, used: &mut BTreeMap<&'static str, ()>) -> Value {
+fn material_json(m: &Material, lists: &mut TextureLists, used: &mut BTreeMap<&'static str, ()>) -> Value {
     let mut pbr = json!({
         "baseColorFactor": m.base_color, "metallicFactor": m.metallic, "roughnessFactor": m.roughness,
     });
@@ -264,7 +266,7 @@ fn material_json(m: &Material, lists: &mut Lists, used: &mut BTreeMap<&'static s
     };
     let brightest = m.emissive.iter().copied().fold(0.0, f32::max);
     if brightest > 0.0 {
-        // The factor ends at 1; what is brighter goes into the strength.
+        // The factor is limited to 1; brighter values go into the strength.
         let strength = brightest.max(1.0);
         json["emissiveFactor"] = json!(m.emissive.map(|c| c / strength));
         if strength > 1.0 {
@@ -300,7 +302,7 @@ mod tests {
 
     use super::*;
 
-    /// Two materials, one textured and turned, one that shines; a vertex that nothing uses.
+    /// Two materials, one with a rotated texture, one emissive; one unused vertex.
     fn model() -> Model {
         let picture = Image::from_fn(4, 2, |x, y| [(40 * x) as u8, (90 * y) as u8, 7, 255]);
         let (sin, cos) = 0.3_f32.sin_cos();
@@ -348,7 +350,7 @@ mod tests {
                 .unwrap();
         assert_eq!(read.textures, written.textures);
         assert!(read.warnings.is_empty(), "{:?}", read.warnings);
-        // The standard's default material comes last.
+        // glTF's default material comes last.
         for (read, written) in read.materials.iter().zip(&written.materials) {
             let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs().max(1.0));
             assert!(close(&read.emissive, &written.emissive), "{:?}", read.emissive);
@@ -363,7 +365,7 @@ mod tests {
             };
             assert_eq!(bare(read), bare(written));
         }
-        // Triangles are grouped by material: corner by corner the same, the unused vertex gone.
+        // Triangles are grouped by material; corners are equal, and the unused vertex is omitted.
         assert_eq!(read.triangle_materials, [0, 1]);
         assert_eq!(read.positions.len(), 6);
         for (t, original) in read.triangles.iter().zip([written.triangles[1], written.triangles[0]]) {
@@ -399,10 +401,10 @@ mod tests {
         let camera = gltf.cameras().next().unwrap();
         let gltf::camera::Projection::Perspective(lens) = camera.projection() else { panic!("no perspective") };
         assert!((lens.yfov() - 2.0 * 0.6f32.atan()).abs() < 1e-6);
-        // Light goes along the node's −Z, away from the sun.
+        // The light shines along the node's −Z, away from the sun.
         let matrix = node("Sun").transform().matrix();
         assert!((Vec3::from_slice(&matrix[2][..3]) - direction).length() < 1e-6);
-        // The crate is built without lights: the JSON says what the sun is.
+        // The gltf crate is built without lights: check the JSON.
         let glb = model().to_glb_scene("tests", &scene).unwrap();
         let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
         let root: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();

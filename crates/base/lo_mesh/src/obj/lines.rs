@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// Lines with their numbers (from 1), without comments; a backslash at the end joins the next line.
+/// Iterates over lines with their numbers (from 1), without comments. A backslash at the end joins the next line.
 pub(super) fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     let mut lines = bytes.split(|&byte| byte == b'\n').enumerate();
     std::iter::from_fn(move || {

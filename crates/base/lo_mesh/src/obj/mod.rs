@@ -14,7 +14,7 @@ use crate::{LoadOptions, Material, MeshError, MeshWarning, Model, normals, polyg
 /// Marks a corner without texture coordinates or normal.
 const NONE: u32 = u32::MAX;
 
-/// Reads the model without checking or completing its vertices.
+/// Reads the model, without checking or completing its vertices.
 pub(crate) fn read(bytes: &[u8], resolve: &Resolver, options: &LoadOptions) -> Result<Model, MeshError> {
     let mut file = ObjFile { counts: count_elements(bytes), ..ObjFile::default() };
     let mut model = Model::default();
@@ -37,19 +37,19 @@ pub(crate) fn read(bytes: &[u8], resolve: &Resolver, options: &LoadOptions) -> R
     file.into_model(model, options)
 }
 
-/// What the lines say so far.
+/// Contents of the lines read so far.
 #[derive(Default)]
 struct ObjFile {
-    /// How many `v`, `vt` and `vn` lines the whole file has.
+    /// Number of `v`, `vt` and `vn` lines in the whole file.
     counts: [usize; 3],
     positions: Vec<Vec3>,
     colors: Vec<[f32; 4]>,
     uvs: Vec<[f32; 2]>,
     normals: Vec<Vec3>,
-    /// Position, texture coordinates and normal of the three corners.
+    /// Indices of position, texture coordinates and normal of the three corners.
     triangles: Vec<[[u32; 3]; 3]>,
     triangle_materials: Vec<u32>,
-    /// `s` of each triangle; none before the first such line.
+    /// Smoothing group (`s`) of each triangle; `None` before the first such line.
     groups: Vec<Option<u32>>,
     group: Option<u32>,
     material: Option<u32>,
@@ -66,7 +66,7 @@ impl ObjFile {
             "v" => {
                 let (values, count) = numbers::<8>(rest, number)?;
                 if count < 3 {
-                    return Err(broken(number, "a vertex needs three coordinates"));
+                    return Err(invalid(number, "a vertex needs three coordinates"));
                 }
                 self.positions.push(Vec3::new(values[0], values[1], values[2]));
                 if count == 6 || !self.colors.is_empty() {
@@ -110,12 +110,12 @@ impl ObjFile {
             let so_far = [self.positions.len(), self.uvs.len(), self.normals.len()];
             for (kind, text) in word.split('/').enumerate().filter(|(_, text)| !text.is_empty()) {
                 let Some(slot) = corner.get_mut(kind) else {
-                    return Err(broken(number, format!("'{word}' is no corner of a face")));
+                    return Err(invalid(number, format!("'{word}' is not a valid face corner")));
                 };
                 *slot = self.index(number, text, kind, so_far[kind])?;
             }
             if corner[0] == NONE {
-                return Err(broken(number, format!("'{word}' names no vertex")));
+                return Err(invalid(number, format!("'{word}' has no vertex index")));
             }
             corners.push(corner);
         }
@@ -123,7 +123,7 @@ impl ObjFile {
             Some(material) => material,
             None => self.material_named(""),
         };
-        // A face may name vertices that only follow later; those polygons are cut as fans.
+        // A face may refer to vertices that follow later; such polygons are triangulated as fans.
         let points: Option<Vec<Vec3>> = corners.iter().map(|c| self.positions.get(c[0] as usize).copied()).collect();
         let points = points.unwrap_or_else(|| vec![Vec3::ZERO; corners.len()]);
         polygon::triangulate(&points, |corner| {
@@ -134,9 +134,9 @@ impl ObjFile {
         Ok(())
     }
 
-    /// An index of the file (from 1, or backwards from −1) counted from 0.
+    /// Converts an index of the file (from 1, or backwards from −1) to one counted from 0.
     fn index(&self, number: usize, text: &str, kind: usize, so_far: usize) -> Result<u32, MeshError> {
-        let given: i64 = text.parse().map_err(|_| broken(number, format!("'{text}' is no index")))?;
+        let given: i64 = text.parse().map_err(|_| invalid(number, format!("'{text}' is not an index")))?;
         let index = if given < 0 { so_far as i64 + given } else { given - 1 };
         let count = self.counts[kind];
         if index < 0 || index >= count as i64 {
@@ -146,7 +146,7 @@ impl ObjFile {
         Ok(index as u32)
     }
 
-    /// Vertices for every combination of position, texture coordinates and normal.
+    /// Creates a vertex for every combination of position, texture coordinates and normal.
     fn into_model(self, mut model: Model, options: &LoadOptions) -> Result<Model, MeshError> {
         if self.positions.len() >= NONE as usize {
             let limit = u64::from(NONE);
@@ -187,11 +187,11 @@ impl ObjFile {
     }
 }
 
-fn broken(line: usize, what: impl Into<String>) -> MeshError {
+fn invalid(line: usize, what: impl Into<String>) -> MeshError {
     MeshError::syntax("OBJ", format!("line {line}"), what)
 }
 
-/// Numbers of `v`, `vt` and `vn` lines; a line that the one before joins to itself is none of its own.
+/// Counts `v`, `vt` and `vn` lines; a continuation of the previous line does not count.
 fn count_elements(bytes: &[u8]) -> [usize; 3] {
     let mut counts = [0; 3];
     let mut joined = false;
@@ -210,12 +210,12 @@ fn count_elements(bytes: &[u8]) -> [usize; 3] {
     counts
 }
 
-/// Up to `N` numbers of a line and how many there are; the rest is 0.
+/// Parses up to `N` numbers of a line and returns them with their count; missing ones are 0.
 fn numbers<const N: usize>(rest: &str, line: usize) -> Result<([f32; N], usize), MeshError> {
     let mut values = [0.0; N];
     let mut count = 0;
     for (slot, word) in values.iter_mut().zip(rest.split_ascii_whitespace()) {
-        *slot = word.parse().map_err(|_| broken(line, format!("'{word}' is no number")))?;
+        *slot = word.parse().map_err(|_| invalid(line, format!("'{word}' is not a number")))?;
         count += 1;
     }
     Ok((values, count))

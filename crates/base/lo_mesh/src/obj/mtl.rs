@@ -1,15 +1,15 @@
-//! MTL materials as metallic-roughness.
+//! Conversion of MTL materials to metallic-roughness.
 //!
-//! | MTL | here |
+//! | MTL | metallic-roughness |
 //! | --- | --- |
-//! | `Kd`, `map_Kd` | base colour (linear numbers, sRGB picture) |
+//! | `Kd`, `map_Kd` | base colour (linear numbers, sRGB image) |
 //! | `Pr`, `Pm`, `map_Pr`, `map_Pm` | roughness, metallic |
-//! | `Ns` without `Pr` | roughness (2 / (Ns + 2))^¼: the Beckmann width of a Blinn-Phong lobe (Walter 2007), α = roughness² |
+//! | `Ns` without `Pr` | roughness (2 / (Ns + 2))^¼: Beckmann α of a Blinn-Phong lobe (Walter 2007), α = roughness² |
 //! | `Ks` 0, or `illum` 0 or 1, without `Pr` | roughness 1 |
 //! | `Kd` black, `Ks` above 0.2, no `Pm` | metal of colour `Ks` |
 //! | `Ke`, `map_Ke` | emission |
 //! | `d`, `Tr`; `map_d` | blended alpha; alpha cut out at 0.5 |
-//! | `norm`, `map_Kn`; `map_Bump`, `bump` where the picture is a normal map | normal texture, +Y up; grey height maps are left out |
+//! | `norm`, `map_Kn`; `map_Bump`, `bump` of a normal map | normal texture, +Y up; height maps are ignored |
 
 use std::collections::{HashMap, HashSet};
 
@@ -20,14 +20,14 @@ use crate::model::Resolver;
 use crate::texture::TextureBudget;
 use crate::{AlphaMode, Material, MeshWarning, Model, Texture, TextureRef, Wrap};
 
-/// Reads the libraries that an OBJ names; what is missing or broken becomes a warning.
+/// Reads the material libraries of an OBJ; missing or invalid ones become warnings.
 pub(super) fn read_libraries(
     names: &[String],
     resolve: &Resolver,
     obj_bytes: usize,
     model: &mut Model,
 ) -> HashMap<String, Material> {
-    let mut pictures = Pictures {
+    let mut loader = TextureLoader {
         resolve,
         known: HashMap::new(),
         counted: HashSet::new(),
@@ -37,48 +37,48 @@ pub(super) fn read_libraries(
     };
     let mut materials = HashMap::new();
     for name in names {
-        // Some exporters put several names on one line, others leave spaces inside one name.
+        // Some exporters write several names on one line, others write names with spaces.
         match resolve(name) {
-            Ok(bytes) => read_library(&bytes, &mut pictures, &mut materials),
+            Ok(bytes) => read_library(&bytes, &mut loader, &mut materials),
             Err(whole) => {
                 for part in name.split_ascii_whitespace() {
                     match resolve(part) {
-                        Ok(bytes) => read_library(&bytes, &mut pictures, &mut materials),
+                        Ok(bytes) => read_library(&bytes, &mut loader, &mut materials),
                         Err(_) => {
                             let (file, reason) = (part.to_owned(), whole.to_string());
-                            pictures.warnings.push(MeshWarning::MaterialFile { file, reason });
+                            loader.warnings.push(MeshWarning::MaterialFile { file, reason });
                         }
                     }
                 }
             }
         }
     }
-    model.textures = pictures.textures;
-    model.warnings.extend(pictures.warnings);
+    model.textures = loader.textures;
+    model.warnings.extend(loader.warnings);
     materials
 }
 
-fn read_library(bytes: &[u8], pictures: &mut Pictures, materials: &mut HashMap<String, Material>) {
-    let mut entry: Option<Entry> = None;
+fn read_library(bytes: &[u8], loader: &mut TextureLoader, materials: &mut HashMap<String, Material>) {
+    let mut entry: Option<MtlMaterial> = None;
     for (_, line) in logical_lines(bytes) {
         let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
         let rest = rest.trim();
         if keyword == "newmtl" {
-            if let Some(done) = entry.replace(Entry { name: rest.to_owned(), ..Entry::default() }) {
-                materials.insert(done.name.clone(), done.into_material(pictures));
+            if let Some(done) = entry.replace(MtlMaterial { name: rest.to_owned(), ..MtlMaterial::default() }) {
+                materials.insert(done.name.clone(), done.into_material(loader));
             }
         } else if let Some(entry) = &mut entry {
             entry.line(keyword, rest);
         }
     }
     if let Some(done) = entry {
-        materials.insert(done.name.clone(), done.into_material(pictures));
+        materials.insert(done.name.clone(), done.into_material(loader));
     }
 }
 
-/// The statements of one `newmtl`.
+/// Statements of one `newmtl`.
 #[derive(Default)]
-struct Entry {
+struct MtlMaterial {
     name: String,
     diffuse: Option<[f32; 3]>,
     specular: Option<[f32; 3]>,
@@ -88,11 +88,11 @@ struct Entry {
     metallic: Option<f32>,
     alpha: Option<f32>,
     illumination: Option<u32>,
-    /// Map statements in lower case with their arguments.
+    /// Arguments of map statements, by lower-case keyword.
     maps: HashMap<String, String>,
 }
 
-impl Entry {
+impl MtlMaterial {
     fn line(&mut self, keyword: &str, rest: &str) {
         let number =
             || rest.split_ascii_whitespace().next().and_then(|w| w.parse::<f32>().ok()).filter(|x| x.is_finite());
@@ -113,7 +113,7 @@ impl Entry {
         }
     }
 
-    fn into_material(self, pictures: &mut Pictures) -> Material {
+    fn into_material(self, loader: &mut TextureLoader) -> Material {
         let white = if self.maps.contains_key("map_kd") { [1.0; 3] } else { [0.8; 3] };
         let diffuse = self.diffuse.unwrap_or(white);
         let specular = self.specular.unwrap_or([0.0; 3]);
@@ -132,8 +132,8 @@ impl Entry {
         Material {
             base_color: [r, g, b, alpha],
             base_color_texture: match (map(&["map_kd"]), cut_out) {
-                (Some(color), None) => pictures.get(color, true),
-                (color, Some(alpha)) => pictures.with_alpha(color, alpha),
+                (Some(color), None) => loader.get(color, true),
+                (color, Some(alpha)) => loader.with_alpha(color, alpha),
                 (None, None) => None,
             },
             metallic: self.metallic.unwrap_or(if is_metal || map_pm.is_some() { 1.0 } else { 0.0 }).clamp(0.0, 1.0),
@@ -142,13 +142,13 @@ impl Entry {
             } else {
                 roughness.unwrap_or(0.9).clamp(0.0, 1.0)
             },
-            metallic_roughness_texture: pictures.metallic_roughness(map_pm, map_pr),
+            metallic_roughness_texture: loader.metallic_roughness(map_pm, map_pr),
             normal_texture: match map(&["norm", "map_kn"]) {
-                Some(normal) => pictures.get(normal, false),
-                None => map(&["map_bump", "bump"]).and_then(|bump| pictures.normal_map(bump)),
+                Some(normal) => loader.get(normal, false),
+                None => map(&["map_bump", "bump"]).and_then(|bump| loader.normal_map(bump)),
             },
             emissive: self.emissive.unwrap_or(if self.maps.contains_key("map_ke") { [1.0; 3] } else { [0.0; 3] }),
-            emissive_texture: map(&["map_ke"]).and_then(|emissive| pictures.get(emissive, true)),
+            emissive_texture: map(&["map_ke"]).and_then(|emissive| loader.get(emissive, true)),
             alpha_mode: match (cut_out, alpha < 1.0) {
                 (Some(_), _) => AlphaMode::Mask { cutoff: 0.5 },
                 (None, true) => AlphaMode::Blend,
@@ -160,7 +160,7 @@ impl Entry {
     }
 }
 
-/// One or three finite, non-negative numbers.
+/// Parses one or three numbers; negative and non-finite ones become 0.
 fn color(rest: &str) -> Option<[f32; 3]> {
     let values: Vec<f32> = rest.split_ascii_whitespace().map_while(|w| w.parse().ok()).collect();
     let rgb = match values[..] {
@@ -171,14 +171,14 @@ fn color(rest: &str) -> Option<[f32; 3]> {
     Some(rgb.map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }))
 }
 
-/// Arguments of a map statement.
+/// Parsed arguments of a map statement.
 struct MapArguments {
     file: String,
     reference: TextureRef,
 }
 
 impl MapArguments {
-    /// Splits options (`-s 2 2 1`, `-o …`, `-clamp on`; others are skipped) from the file name, which may hold spaces.
+    /// Splits options (`-s 2 2 1`, `-o …`, `-clamp on`; others are skipped) from the file name, which may have spaces.
     fn parse(text: &str) -> Self {
         let (mut scale, mut offset) = ([1.0_f32; 2], [0.0_f32; 2]);
         let mut reference = TextureRef::new(0);
@@ -211,7 +211,7 @@ impl MapArguments {
                 _ => {}
             }
         }
-        // MTL transforms coordinates with v up; ours point down.
+        // MTL transforms coordinates with v up; ours is down.
         let matrix = [scale[0], 0.0, offset[0], 0.0, scale[1], 1.0 - scale[1] - offset[1]];
         if matrix.iter().all(|x| x.is_finite()) {
             reference.uv_transform = matrix;
@@ -220,44 +220,44 @@ impl MapArguments {
     }
 }
 
-/// Picture files, and what becomes of them.
+/// Identity of a texture: its image files and how they are combined.
 #[derive(Clone, PartialEq, Eq, Hash)]
-enum Recipe {
+enum TextureKey {
     Plain { file: String, srgb: bool },
     WithAlpha { color: Option<String>, alpha: String },
     MetallicRoughness { metallic: Option<String>, roughness: Option<String> },
 }
 
-/// Makes each texture once.
-struct Pictures<'a> {
+/// Loads textures; creates each one once.
+struct TextureLoader<'a> {
     resolve: &'a Resolver<'a>,
-    /// Textures by what they were made of.
-    known: HashMap<Recipe, Option<usize>>,
-    /// Picture files that the budget knows of.
+    /// Texture indices; `None` for a texture that could not be created.
+    known: HashMap<TextureKey, Option<usize>>,
+    /// Image files already counted in the budget.
     counted: HashSet<String>,
     budget: TextureBudget,
     textures: Vec<Texture>,
     warnings: Vec<MeshWarning>,
 }
 
-impl Pictures<'_> {
+impl TextureLoader<'_> {
     fn get(&mut self, arguments: &str, srgb: bool) -> Option<TextureRef> {
         let MapArguments { file, reference } = MapArguments::parse(arguments);
-        let recipe = Recipe::Plain { file: file.clone(), srgb };
-        let texture = self.once(recipe, |pictures| pictures.load(&file, srgb))?;
+        let key = TextureKey::Plain { file: file.clone(), srgb };
+        let texture = self.get_or_create(key, |loader| loader.load(&file, srgb))?;
         Some(TextureRef { texture, ..reference })
     }
 
-    /// Index of the texture of this recipe; none, and a warning the first time, where it cannot be made.
-    fn once(&mut self, recipe: Recipe, make: impl FnOnce(&mut Self) -> Option<Texture>) -> Option<usize> {
-        if let Some(&known) = self.known.get(&recipe) {
+    /// Returns the index of a texture; `None`, with a warning the first time, if it cannot be created.
+    fn get_or_create(&mut self, key: TextureKey, make: impl FnOnce(&mut Self) -> Option<Texture>) -> Option<usize> {
+        if let Some(&known) = self.known.get(&key) {
             return known;
         }
         let made = make(self).map(|texture| {
             self.textures.push(texture);
             self.textures.len() - 1
         });
-        self.known.insert(recipe, made);
+        self.known.insert(key, made);
         made
     }
 
@@ -271,14 +271,14 @@ impl Pictures<'_> {
             }
             Err(error) => Err(error.to_string()),
         };
-        texture.map_err(|reason| self.left_out(file, &reason)).ok()
+        texture.map_err(|reason| self.warn_ignored(file, &reason)).ok()
     }
 
-    fn left_out(&mut self, name: &str, reason: &str) {
+    fn warn_ignored(&mut self, name: &str, reason: &str) {
         self.warnings.push(MeshWarning::texture(name, reason));
     }
 
-    /// A picture put together from others, which takes its part of the budget too.
+    /// Creates a texture combined from other images, which counts towards the budget.
     fn combine(
         &mut self,
         name: &str,
@@ -287,13 +287,13 @@ impl Pictures<'_> {
         pixel: impl FnMut(usize, usize) -> [u8; 4],
     ) -> Option<Texture> {
         if let Err(reason) = self.budget.spend(width * height) {
-            self.left_out(name, &reason);
+            self.warn_ignored(name, &reason);
             return None;
         }
         Some(Texture::from_image(Image::from_fn(width, height, pixel), srgb))
     }
 
-    /// A bump picture that is really a normal map: mostly blue.
+    /// Returns a bump map that is really a normal map (mostly blue); a height map gives a warning.
     fn normal_map(&mut self, arguments: &str) -> Option<TextureRef> {
         let reference = self.get(arguments, false)?;
         let [r, g, b, _] = self.textures[reference.texture].levels.last()?.pixels()[0];
@@ -304,17 +304,17 @@ impl Pictures<'_> {
         None
     }
 
-    /// Colour from one picture and alpha from the brightness of another.
+    /// Combines the colour of one image with alpha from the brightness of another.
     fn with_alpha(&mut self, color: Option<&String>, alpha: &str) -> Option<TextureRef> {
         let plain = color.and_then(|color| self.get(color, true));
         let MapArguments { file, reference } = MapArguments::parse(alpha);
         let color = plain.as_ref().and(color).map(|color| MapArguments::parse(color).file);
-        let combined = self.once(Recipe::WithAlpha { color, alpha: file.clone() }, |pictures| {
-            let mask = pictures.load(&file, false)?;
+        let combined = self.get_or_create(TextureKey::WithAlpha { color, alpha: file.clone() }, |loader| {
+            let mask = loader.load(&file, false)?;
             let mask = &mask.levels[0];
-            let color = plain.as_ref().map(|plain| pictures.textures[plain.texture].levels[0].clone());
+            let color = plain.as_ref().map(|plain| loader.textures[plain.texture].levels[0].clone());
             let (width, height) = color.as_ref().map_or((mask.width(), mask.height()), |c| (c.width(), c.height()));
-            pictures.combine(&file, (width, height), true, |x, y| {
+            loader.combine(&file, (width, height), true, |x, y| {
                 let [r, g, b, _] = color.as_ref().map_or([255; 4], |color| color[(x, y)]);
                 [r, g, b, mask[(x * mask.width() / width, y * mask.height() / height)][0]]
             })
@@ -325,14 +325,14 @@ impl Pictures<'_> {
         }
     }
 
-    /// glTF's channels from two grey pictures: green roughness, blue metallic.
+    /// Combines two grey images to glTF's channels: roughness in green, metalness in blue.
     fn metallic_roughness(&mut self, metallic: Option<&String>, roughness: Option<&String>) -> Option<TextureRef> {
         let reference = MapArguments::parse(roughness.or(metallic)?).reference;
         let [metallic, roughness] = [metallic, roughness].map(|text| text.map(|text| MapArguments::parse(text).file));
-        let recipe = Recipe::MetallicRoughness { metallic: metallic.clone(), roughness: roughness.clone() };
-        let texture = self.once(recipe, |pictures| {
+        let key = TextureKey::MetallicRoughness { metallic: metallic.clone(), roughness: roughness.clone() };
+        let texture = self.get_or_create(key, |loader| {
             let [metallic, roughness] =
-                [metallic, roughness].map(|file| file.and_then(|file| Some((pictures.load(&file, false)?, file))));
+                [metallic, roughness].map(|file| file.and_then(|file| Some((loader.load(&file, false)?, file))));
             let (size, name) = roughness.as_ref().or(metallic.as_ref())?;
             let (width, height) = (size.levels[0].width(), size.levels[0].height());
             let sample = |texture: &Option<(Texture, String)>, x: usize, y: usize| {
@@ -341,7 +341,7 @@ impl Pictures<'_> {
                     image[(x * image.width() / width, y * image.height() / height)][0]
                 })
             };
-            pictures.combine(name, (width, height), false, |x, y| {
+            loader.combine(name, (width, height), false, |x, y| {
                 [255, sample(&roughness, x, y), sample(&metallic, x, y), 255]
             })
         })?;

@@ -1,4 +1,4 @@
-//! PLY: ASCII or binary of either byte order; vertices with normals, colours and texture coordinates, polygons and
+//! PLY, ASCII or binary of either byte order: vertices with normals, colours and texture coordinates, polygons and
 //! triangle strips.
 
 mod header;
@@ -8,7 +8,7 @@ use lo_geometry::Vec3;
 use self::header::{Element, Header, Reader};
 use crate::{LoadOptions, MeshError, MeshWarning, Model, normals, polygon, repair};
 
-/// Reads the model without checking or completing its vertices.
+/// Reads the model, without checking or completing its vertices.
 pub(crate) fn read(bytes: &[u8], options: &LoadOptions) -> Result<Model, MeshError> {
     let (header, body) = Header::parse(bytes)?;
     header.check_counts(body.len())?;
@@ -39,7 +39,7 @@ struct PlyFile {
     warnings: Vec<MeshWarning>,
 }
 
-/// Where the values of a vertex go.
+/// Property names of each vertex attribute.
 const ROLES: [&[&str]; 12] = [
     &["x"],
     &["y"],
@@ -61,10 +61,10 @@ impl PlyFile {
         let roles: Vec<Option<usize>> = element.properties.iter().map(|p| role(&p.name)).collect();
         let has = |wanted: &[usize]| wanted.iter().all(|&role| roles.contains(&Some(role)));
         if !has(&[0, 1, 2]) {
-            return Err(MeshError::syntax("PLY", "header", "its vertices have no x, y and z"));
+            return Err(MeshError::syntax("PLY", "header", "the vertices have no x, y and z"));
         }
         let (has_normals, has_colors, has_uvs) = (has(&[3, 4, 5]), has(&[6, 7, 8]), has(&[10, 11]));
-        // Whole numbers are 8- or 16-bit codes, fractions run from 0 to 1; both are sRGB.
+        // Integer colours are 8- or 16-bit codes, floats are from 0 to 1; both are sRGB.
         let mut scales = [1.0; 12];
         for (property, role) in element.properties.iter().zip(&roles) {
             if let Some(role @ 6..=9) = *role {
@@ -97,7 +97,7 @@ impl PlyFile {
                 self.colors.push([r, g, b, (values[9] * scales[9]).clamp(0.0, 1.0) as f32]);
             }
             if has_uvs {
-                // The picture's v points up here.
+                // PLY's v points up.
                 self.uvs.push([values[10] as f32, 1.0 - values[11] as f32]);
             }
         }
@@ -149,7 +149,7 @@ impl PlyFile {
         Ok(())
     }
 
-    /// Strips are separated by −1.
+    /// Adds triangle strips, separated by −1.
     fn strip(&mut self, corners: &[i64], face: usize) -> Result<(), MeshError> {
         for strip in corners.split(|&index| index == -1) {
             let strip = strip.iter().map(|&index| self.check(index, face)).collect::<Result<Vec<_>, _>>()?;

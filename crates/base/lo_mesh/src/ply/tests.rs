@@ -77,18 +77,18 @@ fn triangle_strips() {
 #[test]
 fn errors_say_what() {
     let error = |text: String| read(text.as_bytes()).unwrap_err().to_string();
-    assert_eq!(error("plyx".into()), "broken PLY at line 1: the header has no end_header");
+    assert_eq!(error("plyx".into()), "invalid PLY file at line 1: missing end_header");
     assert_eq!(
         error(ASCII.replace("vertex 4", "vertex 4000000000")),
-        "broken PLY at header: 4000000000 × vertex announced, the file has 88 bytes after its header"
+        "invalid PLY file at header: 4000000000 elements 'vertex' do not fit into the 88 bytes after the header"
     );
     assert_eq!(
         error(ASCII.replace("4 0 1 2 3", "4 0 1 2 7")),
-        "face 0 names vertex 7, but there are 4 vertices (counted from 0)"
+        "face 0 refers to vertex 7, but there are 4 vertices (counted from 0)"
     );
     assert_eq!(
         error(ASCII.replace("4 0 1 2 3", "900 0 1 2 3")),
-        "broken PLY at byte 365: a list of 900 values does not fit into the file"
+        "invalid PLY file at byte 365: a list of 900 values does not fit into the file"
     );
     assert_eq!(
         error(ASCII.replace("element face 1", "element face 0")),
@@ -96,16 +96,16 @@ fn errors_say_what() {
     );
     assert_eq!(
         error(ASCII.replace("property float x", "property float q")),
-        "broken PLY at header: its vertices have no x, y and z"
+        "invalid PLY file at header: the vertices have no x, y and z"
     );
-    assert!(error(ASCII.replace("0 0 0 255", "0 zero 0 255")).ends_with("'zero' is no number"));
+    assert!(error(ASCII.replace("0 0 0 255", "0 zero 0 255")).ends_with("'zero' is not a number"));
 }
 
 #[test]
 fn truncation_never_panics() {
     for bytes in [ASCII.as_bytes().to_vec(), binary(false), binary(true)] {
         for end in 0..bytes.len() {
-            // The last value of ASCII, an unused flag, and its line end may be missing.
+            // In ASCII, the last value (an unused flag) and its line end may be missing.
             assert!(read(&bytes[..end]).is_err() || end + 2 >= bytes.len(), "{end}");
         }
     }
@@ -119,5 +119,6 @@ fn a_second_list_of_vertices_is_refused() {
         "ply\nformat ascii 1.0\n{vertex}{colors}{vertex}element face 1\nproperty list uchar int vertex_indices\nend_header\n\
          0 0 0 1 2 3\n1 0 0 1 2 3\n0 1 0 1 2 3\n0 0 0\n1 0 0\n0 1 0\n3 3 4 5\n"
     );
-    assert_eq!(read(text.as_bytes()).unwrap_err().to_string(), "broken PLY at line 10: a second element vertex");
+    let error = read(text.as_bytes()).unwrap_err().to_string();
+    assert_eq!(error, "invalid PLY file at line 10: duplicate element 'vertex'");
 }

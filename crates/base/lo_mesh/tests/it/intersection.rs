@@ -1,10 +1,10 @@
-//! Ray casting against Möller & Trumbore's test in f64 on every triangle.
+//! Ray casting, compared with Möller & Trumbore's test in f64 on every triangle.
 
 use lo_geometry::{Quat, Ray, Vec3};
 use lo_mesh::{LoadOptions, Material, Model, PlacedModel, Placement, PreparedModel, offset_origin};
 use proptest::prelude::*;
 
-/// Distance, and how far inside its triangle the point lies (least barycentric weight).
+/// Distance and least barycentric weight of every hit; the weight is negative outside the triangle.
 fn brute_force(model: &Model, ray: &Ray) -> Vec<(f64, f64)> {
     let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
     let mut hits = Vec::new();
@@ -111,7 +111,7 @@ fn offset_rays_do_not_meet_their_own_surface() {
             let hit = placed.intersect(&ray, 10.0 * scale).expect("towards the middle of a sphere");
             let point = placed.surface(&hit, ray.direction, 0.0);
             let origin = offset_origin(point.position, point.geometric_normal);
-            // A convex body: nothing above its surface, everything below.
+            // A convex body: no occlusion outside its surface, occlusion inside.
             let away = (point.geometric_normal + 0.9 * out.any_orthonormal_vector()).normalize();
             assert!(!placed.occluded(&Ray { origin, direction: away }, f32::INFINITY), "scale {scale}, {out}");
             let inside = offset_origin(point.position, -point.geometric_normal);

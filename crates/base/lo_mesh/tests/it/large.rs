@@ -37,7 +37,7 @@ fn terrain_ply(side: usize) -> Vec<u8> {
     bytes
 }
 
-/// Run with `--ignored --nocapture` for the figures of the documentation.
+/// Prints the figures of the documentation; run with `--ignored --nocapture`.
 #[test]
 #[ignore = "takes gigabytes and half a minute"]
 fn ten_million_triangles() {
@@ -64,7 +64,7 @@ fn ten_million_triangles() {
 
 #[test]
 fn a_chain_of_growing_triangles_is_deep_but_harmless() {
-    // Each triangle 8 % larger and farther than the one before: the hierarchy degenerates to a list.
+    // Each triangle is 8 % larger and farther than the previous one: the hierarchy degenerates to a list.
     let positions: Vec<Vec3> = (0..900)
         .flat_map(|i| {
             let size = 1e-16_f32 * 1.08_f32.powi(i);
@@ -75,13 +75,13 @@ fn a_chain_of_growing_triangles_is_deep_but_harmless() {
     let model = Model::from_triangles(positions, triangles, Material::default(), &LoadOptions::default()).unwrap();
     let largest = model.bounds().max.x;
     let prepared = PreparedModel::new(model);
-    // Along the whole row, just above its ground line.
+    // Past the whole row, just beyond its triangles.
     let ray = Ray { origin: Vec3::new(largest * 2.0, largest * 0.001, largest), direction: Vec3::NEG_Z };
     assert!(prepared.intersect(&ray, f32::INFINITY).is_none());
     let ray = Ray { origin: Vec3::new(largest * 0.9905, largest * 0.0001, 1.0), direction: Vec3::NEG_Z };
     assert!(prepared.intersect(&ray, f32::INFINITY).is_some());
     let along = Ray { origin: Vec3::new(-1.0, 1e-20, 0.0), direction: Vec3::X };
-    assert_eq!(prepared.transmittance(&along, f32::INFINITY), 1.0, "edge-on triangles stop nothing");
+    assert_eq!(prepared.transmittance(&along, f32::INFINITY), 1.0, "edge-on triangles block nothing");
 }
 
 #[test]

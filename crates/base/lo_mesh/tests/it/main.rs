@@ -1,4 +1,4 @@
-//! Meshes of files, and rays that meet them. One binary, so that it is linked once.
+//! Integration tests of mesh readers and ray casting. One binary, so that it is linked once.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod intersection;

@@ -1,17 +1,17 @@
-//! Published meshes: one of the repository, and those of the data beside the checkout.
+//! Published meshes: one in the repository, and those of the data beside the checkout.
 
 use std::path::Path;
 
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::{AlphaMode, LoadOptions, Model, PreparedModel};
-use lo_testdata::{asset, beside};
+use lo_testdata::{asset, shared_data};
 
 fn load(path: &Path) -> Model {
     Model::load(path, &LoadOptions::default()).unwrap()
 }
 
 fn load_beside(file: &str) -> Option<Model> {
-    Some(load(&beside(&format!("meshes/{file}"), &format!("reading of {file}"))?))
+    Some(load(&shared_data(&format!("meshes/{file}"), &format!("reading of {file}"))?))
 }
 
 fn assert_size(model: &Model, expected: [f32; 3], tolerance: f32) {
@@ -31,7 +31,7 @@ fn tea_set() {
     assert!(material.double_sided && material.alpha_mode == AlphaMode::Opaque);
     assert!(material.normal_texture.is_some() && material.base_color_texture.is_some());
     assert_eq!(model.tangents.len(), model.positions.len());
-    // Seen from above the set's middle: a plate lies some millimetres above the ground.
+    // From above: a plate is some millimetres above the ground.
     let prepared = PreparedModel::new(model);
     let ray = Ray { origin: Vec3::new(-0.35, 1.0, -0.19), direction: Vec3::NEG_Y };
     let hit = prepared.intersect(&ray, 10.0).unwrap();
@@ -53,7 +53,7 @@ fn wooden_table() {
 fn suzanne() {
     let model = load(&asset("suzanne.glb"));
     assert_eq!(model.triangles.len(), 15_744);
-    // min and max of the file's own accessor.
+    // min and max of the file's accessor.
     assert_size(&model, [2.0 * 0.929_730_1, 0.668_253_5 + 0.669_794_8, 0.576_158_5 + 0.544_786_3], 1e-5);
     let material = &model.materials[model.triangle_materials[0] as usize];
     assert_eq!((material.base_color, material.metallic, material.roughness), ([1.0; 4], 1.0, 1.0));

@@ -1,6 +1,6 @@
 use std::f32::consts::FRAC_1_PI;
 
-use lo_bsdf::{DIELECTRIC_F0, Ggx, grazing};
+use lo_bsdf::{DIELECTRIC_F0, Ggx, schlick_weight};
 use lo_geometry::Vec3;
 
 /// Colourless material of a sphere, with the parameters of Blender 3.6's Principled BSDF.
@@ -48,7 +48,7 @@ impl Material {
             Self::Plastic { albedo, roughness } => {
                 let half = (view + light).normalize_or(normal);
                 let retro = 2.0 * roughness * half.dot(light).powi(2) - 0.5;
-                let side = |cosine: f32| 1.0 + retro * grazing(cosine);
+                let side = |cosine: f32| 1.0 + retro * schlick_weight(cosine);
                 albedo * FRAC_1_PI * n_l * side(n_l) * side(n_v)
             }
             Self::Mirror { .. } | Self::Metal { .. } => 0.0,
@@ -80,5 +80,5 @@ impl Material {
 
 /// Returns Schlick's Fresnel reflectance.
 fn reflectance(f0: f32, cosine: f32) -> f32 {
-    f0 + (1.0 - f0) * grazing(cosine)
+    f0 + (1.0 - f0) * schlick_weight(cosine)
 }

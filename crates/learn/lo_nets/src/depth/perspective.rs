@@ -1,7 +1,7 @@
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor, TensorData, activation::relu, module::adaptive_avg_pool2d};
-use lo_geometry::{FieldCell, LensGuess, Perspective, PerspectiveField};
+use lo_geometry::{FieldCell, LensEstimate, Perspective, PerspectiveField};
 use lo_random::Stream;
 
 use crate::conv::conv2d;
@@ -129,7 +129,7 @@ impl PerspectiveOutput {
     pub fn field(&self) -> PerspectiveField {
         let lens = self.lens.as_ref().map(|lens| {
             let predicted: Vec<f32> = lens.clone().inner().narrow(0, 0, 1).into_data().iter().collect();
-            LensGuess { log_half_extent: predicted[0].into(), deviation: f64::from(predicted[1]).exp() }
+            LensEstimate { log_half_extent: predicted[0].into(), deviation: f64::from(predicted[1]).exp() }
         });
         PerspectiveField { cells: self.cells(), lens }
     }

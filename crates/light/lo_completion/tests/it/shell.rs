@@ -6,7 +6,7 @@ use lo_geometry::{Camera, Mat3, Vec3, cosine_hemisphere, orthonormal_basis, pixe
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_octree::{LightOctree, Provenance};
 use lo_scene::{Frame, Side};
-use lo_testdata::{asset, beside};
+use lo_testdata::{asset, shared_data};
 
 /// A closed box room with diffuse coloured faces and a lamp in the ceiling; the camera is at the origin.
 struct TrueRoom {
@@ -282,7 +282,7 @@ fn odd_frames_give_rooms() {
 #[test]
 fn real_photos_close_and_balance() {
     let library = [asset("library_color.jpg"), asset("library_lidar_depth.png")];
-    let desk = beside("rgbd", "closing of a Kinect's photo")
+    let desk = shared_data("rgbd", "closing of a Kinect's photo")
         .map(|folder| ["color", "depth"].map(|kind| folder.join(format!("tum_desk_{kind}.png"))));
     let photos =
         [(Some(library), 1000.0, [1330.0, 1330.0, 960.0, 720.0]), (desk, 5000.0, [525.0, 525.0, 319.5, 239.5])];

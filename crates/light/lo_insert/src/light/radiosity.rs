@@ -1,6 +1,6 @@
 //! Light that leaves the object: for its bounce on real surfaces, for light between its own parts and for its own reflection.
 
-use lo_bsdf::{MetallicRoughness, specular_albedo, transmitted};
+use lo_bsdf::{MetallicRoughness, specular_albedo, specular_transmittance};
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::{Hit, SurfacePoint};
 
@@ -36,7 +36,8 @@ pub(crate) fn diffuse_look(point: &SurfacePoint) -> (Vec3, Vec3) {
     }
     let bsdf = MetallicRoughness::new(Vec3::from(point.base_color), point.metallic, point.roughness);
     let n_dot_v = 0.7;
-    let albedo = bsdf.diffuse * transmitted(bsdf.f0, n_dot_v) + specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
+    let albedo =
+        bsdf.diffuse * specular_transmittance(bsdf.f0, n_dot_v) + specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
     (albedo, Vec3::from(point.emissive))
 }
 

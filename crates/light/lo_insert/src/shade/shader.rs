@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::f32::consts::PI;
 
-use lo_bsdf::{GgxSample, MIN_COSINE, MetallicRoughness, fresnel, specular_albedo, transmitted};
+use lo_bsdf::{GgxSample, MIN_COSINE, MetallicRoughness, fresnel, specular_albedo, specular_transmittance};
 use lo_cone::Cone;
 use lo_events::{Cancelled, OnEvent, Stage};
 use lo_geometry::{Mat3, Ray, Vec3, smoothstep};
@@ -114,7 +114,8 @@ impl Shader<'_> {
                 }
                 let light = blocks.light_of(i, fragments, &looks, &gathered, &reflected);
                 let (bsdf, n_dot_v) = (&looks[i].bsdf, n_dot_v(&fragments[i]));
-                let diffuse = bsdf.diffuse * transmitted(bsdf.f0, n_dot_v) * light.irradiance * (point.occlusion / PI);
+                let diffuse =
+                    bsdf.diffuse * specular_transmittance(bsdf.f0, n_dot_v) * light.irradiance * (point.occlusion / PI);
                 let specular = light.reflected * specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
                 diffuse + specular + light.highlights * sampled_share(point.roughness) + Vec3::from(point.emissive)
             })

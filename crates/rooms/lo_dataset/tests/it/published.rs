@@ -8,7 +8,7 @@ use lo_imaging::{
     DepthMap, ExrOptions, Image, RadianceImage, linear_from_srgb8, sample_equirectangular, write_depth, write_radiance,
     write_srgb8,
 };
-use lo_testdata::{beside, panoramas};
+use lo_testdata::{panoramas, shared_data};
 
 /// Small photos, three per panorama.
 fn small() -> CropModel {
@@ -251,7 +251,7 @@ fn laval_scenes_by_their_description() {
 #[test]
 fn crops_of_the_real_panoramas() {
     crops_show_their_panorama(&panoramas(), 1, (0, "lebombo_256-0"));
-    let Some(folder) = beside("hdr", "crops of 14 real panoramas") else { return };
+    let Some(folder) = shared_data("hdr", "crops of 14 real panoramas") else { return };
     crops_show_their_panorama(&folder, 14, (14, "lebombo_1k-0"));
 }
 

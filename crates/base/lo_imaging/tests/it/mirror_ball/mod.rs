@@ -1,36 +1,38 @@
-//! Photos of a mirror ball, rendered by another way than they are unwrapped, come back as the panorama that they show.
+//! Unwraps photos of a mirror ball, rendered by an independent method, and compares with the panorama.
 
 mod render;
 
 use lo_geometry::{DVec3, pixel_direction, pixel_solid_angle_sr};
 use lo_imaging::mirror_ball::{
-    BallCircle, BallError, BallFind, BallLens, BallView, MergedPhotos, UnwrapOptions, UnwrappedBall, estimate_stops,
-    find_ball, merge_exposures, unwrap_ball,
+    BallCircle, BallDetection, BallError, BallLens, BallView, MergedPhotos, UnwrapOptions, UnwrappedBall,
+    estimate_stops, find_ball, merge_exposures, unwrap_ball,
 };
 use lo_imaging::{Photo, RadianceImage, read_radiance, resize, resize_equirectangular, srgb_from_linear};
-use render::{Shot, developed, of_map};
+use render::{BallScene, expose, map_radiance};
 
-const PINHOLE: Shot = Shot { size: [640, 480], middle: [320.0, 240.0], radius_px: 190.0, focal_px: Some(900.0) };
-const ORTHOGRAPHIC: Shot = Shot { focal_px: None, ..PINHOLE };
-const OFF_AXIS: Shot = Shot { size: [640, 480], middle: [230.0, 270.0], radius_px: 150.0, focal_px: Some(700.0) };
+const PINHOLE: BallScene =
+    BallScene { size: [640, 480], middle: [320.0, 240.0], radius_px: 190.0, focal_px: Some(900.0) };
+const ORTHOGRAPHIC: BallScene = BallScene { focal_px: None, ..PINHOLE };
+const OFF_AXIS: BallScene =
+    BallScene { size: [640, 480], middle: [230.0, 270.0], radius_px: 150.0, focal_px: Some(700.0) };
 
-fn lens(shot: &Shot) -> BallLens {
-    shot.focal_px.map_or(BallLens::Orthographic, |focal_px| BallLens::Focal { focal_px })
+fn lens(scene: &BallScene) -> BallLens {
+    scene.focal_px.map_or(BallLens::Orthographic, |focal_px| BallLens::Focal { focal_px })
 }
 
-/// The true outline: middle and mean half axis of an ellipse, from its four ends.
-fn outline(shot: &Shot) -> BallCircle {
-    let [x, y] = shot.middle;
-    let Some(focal) = shot.focal_px else { return BallCircle { x, y, radius_px: shot.radius_px } };
-    let (dx, dy) = (x - 0.5 * shot.size[0] as f64, y - 0.5 * shot.size[1] as f64);
+/// The true outline: centre and mean semi-axis of an ellipse, from its vertices.
+fn outline(scene: &BallScene) -> BallCircle {
+    let [x, y] = scene.middle;
+    let Some(focal) = scene.focal_px else { return BallCircle { x, y, radius_px: scene.radius_px } };
+    let (dx, dy) = (x - 0.5 * scene.size[0] as f64, y - 0.5 * scene.size[1] as f64);
     let off = dx.hypot(dy);
-    let (turn, half) = ((off / focal).atan(), (shot.radius_px / focal).atan());
+    let (turn, half) = ((off / focal).atan(), (scene.radius_px / focal).atan());
     let (far, near) = (focal * (turn + half).tan(), focal * (turn - half).tan());
     let long = 0.5 * (far - near);
     // eccentricity of a cone's section: sin of the plane's tilt over the cosine of the half-angle
     let short = long * (1.0 - (turn.sin() / half.cos()).powi(2)).sqrt();
     let scale = if off > 0.0 { 0.5 * (far + near) / off } else { 0.0 };
-    let middle = [0.5 * shot.size[0] as f64 + dx * scale, 0.5 * shot.size[1] as f64 + dy * scale];
+    let middle = [0.5 * scene.size[0] as f64 + dx * scale, 0.5 * scene.size[1] as f64 + dy * scale];
     BallCircle { x: middle[0], y: middle[1], radius_px: 0.5 * (long + short) }
 }
 
@@ -38,12 +40,13 @@ fn merged(photo: &RadianceImage) -> MergedPhotos {
     merge_exposures(&[Photo::Linear(photo.clone())], &[0.0]).unwrap()
 }
 
-fn unwrapped(photo: &RadianceImage, shot: &Shot, size: [usize; 2]) -> UnwrappedBall {
-    let view = BallView::new(outline(shot), lens(shot), shot.size).unwrap();
+fn unwrapped(photo: &RadianceImage, scene: &BallScene, size: [usize; 2]) -> UnwrappedBall {
+    let view = BallView::new(outline(scene), lens(scene), scene.size).unwrap();
     unwrap_ball(&merged(photo), &view, &UnwrapOptions { size: Some(size), ..UnwrapOptions::default() }).unwrap()
 }
 
-/// PSNR over sRGB values of radiance clipped to 1, weighted by solid angle, of pixels farther than `hidden_deg` from straight ahead.
+/// PSNR over sRGB values of radiance clipped to 1, weighted by solid angle, of pixels farther than `hidden_deg` from
+/// the viewing direction.
 fn psnr_db(got: &RadianceImage, truth: &RadianceImage, hidden_deg: f32) -> f64 {
     let (width, height) = (truth.width(), truth.height());
     let [mut error, mut weights] = [0.0f64; 2];
@@ -60,7 +63,7 @@ fn psnr_db(got: &RadianceImage, truth: &RadianceImage, hidden_deg: f32) -> f64 {
     -10.0 * (error / weights).log10()
 }
 
-/// Smooth in all directions: no resampling could be blamed.
+/// Smooth in all directions, so that resampling errors are negligible.
 fn harmonics(d: DVec3) -> [f32; 3] {
     [0.5 + 0.4 * d.x * d.y, 0.4 + 0.3 * d.z, 0.5 + 0.2 * d.y + 0.2 * (3.0 * d.x).sin()].map(|v| v as f32)
 }
@@ -71,54 +74,54 @@ fn lebombo() -> RadianceImage {
 
 #[test]
 fn an_analytic_panorama_comes_back() {
-    for shot in [ORTHOGRAPHIC, PINHOLE, OFF_AXIS] {
-        let photo = shot.render(&harmonics, &|_, _| [0.0; 3], 2);
-        let got = unwrapped(&photo, &shot, [256, 128]);
+    for scene in [ORTHOGRAPHIC, PINHOLE, OFF_AXIS] {
+        let photo = scene.render(&harmonics, &|_, _| [0.0; 3], 2);
+        let got = unwrapped(&photo, &scene, [256, 128]);
         let truth = RadianceImage::from_fn(256, 128, |x, y| harmonics(pixel_direction(x, y, 256, 128).as_dvec3()));
         let psnr = psnr_db(&got.radiance, &truth, 40.0);
-        assert!(psnr > 50.0, "{shot:?}: {psnr:.1} dB");
-        // what is filled is a guess, but a smooth one
+        assert!(psnr > 50.0, "{scene:?}: {psnr:.1} dB");
+        // filled regions are inferred, but smooth
         let all = psnr_db(&got.radiance, &truth, 0.0);
-        assert!(all > 25.0, "{shot:?}: {all:.1} dB");
-        assert!(got.filled_share > 0.0 && got.filled_share < 0.06, "{shot:?}: {}", got.filled_share);
+        assert!(all > 25.0, "{scene:?}: {all:.1} dB");
+        assert!(got.filled_share > 0.0 && got.filled_share < 0.06, "{scene:?}: {}", got.filled_share);
     }
 }
 
 #[test]
 fn a_real_panorama_comes_back() {
     let map = lebombo();
-    for (shot, asked) in [(ORTHOGRAPHIC, 32.0), (PINHOLE, 32.0), (OFF_AXIS, 30.0)] {
-        let photo = shot.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 3);
-        let got = unwrapped(&photo, &shot, [256, 128]);
+    for (scene, asked) in [(ORTHOGRAPHIC, 32.0), (PINHOLE, 32.0), (OFF_AXIS, 30.0)] {
+        let photo = scene.render(&map_radiance(&map), &|ray, _| map_radiance(&map)(ray), 3);
+        let got = unwrapped(&photo, &scene, [256, 128]);
         let psnr = psnr_db(&got.radiance, &map, 60.0);
-        assert!(psnr > asked, "{shot:?}: {psnr:.1} dB");
-        println!("{shot:?}: {psnr:.1} dB beyond 60°, {:.1} beyond 30°", psnr_db(&got.radiance, &map, 30.0));
+        assert!(psnr > asked, "{scene:?}: {psnr:.1} dB");
+        println!("{scene:?}: {psnr:.1} dB beyond 60°, {:.1} beyond 30°", psnr_db(&got.radiance, &map, 30.0));
     }
 }
 
 #[test]
 fn a_smaller_panorama_is_a_mean_and_a_wrong_lens_is_worse() {
     let map = lebombo();
-    let photo = PINHOLE.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 3);
+    let photo = PINHOLE.render(&map_radiance(&map), &|ray, _| map_radiance(&map)(ray), 3);
     let small = unwrapped(&photo, &PINHOLE, [64, 32]);
     let truth = resize_equirectangular(&map, 64, 32);
     let psnr = psnr_db(&small.radiance, &truth, 60.0);
     assert!(psnr > 36.0, "{psnr:.1} dB");
-    let wrong = unwrapped(&photo, &Shot { focal_px: None, ..PINHOLE }, [64, 32]);
+    let wrong = unwrapped(&photo, &BallScene { focal_px: None, ..PINHOLE }, [64, 32]);
     let worse = psnr_db(&wrong.radiance, &truth, 60.0);
     assert!(worse < psnr - 6.0, "{worse:.1} and {psnr:.1} dB");
 }
 
 #[test]
 fn a_small_lamp_keeps_its_flux() {
-    for shot in [ORTHOGRAPHIC, PINHOLE] {
+    for scene in [ORTHOGRAPHIC, PINHOLE] {
         for at in [[0.0, 0.0, 1.0], [0.7, 0.5, 0.5], [-0.9, 0.3, -0.3], [0.2, 1.0, -0.6]] {
             let centre = DVec3::from(at).normalize();
             // half-angle of 1.5°, radiance 5000
             let cos = 1.5f64.to_radians().cos();
             let lamp = |d: DVec3| if d.dot(centre) > cos { [5000.0, 4000.0, 3000.0] } else { [0.0; 3] };
-            let photo = shot.render(&lamp, &|_, _| [0.0; 3], 4);
-            let got = unwrapped(&photo, &shot, [512, 256]).radiance;
+            let photo = scene.render(&lamp, &|_, _| [0.0; 3], 4);
+            let got = unwrapped(&photo, &scene, [512, 256]).radiance;
             let flux: f64 = got
                 .pixels()
                 .iter()
@@ -126,7 +129,7 @@ fn a_small_lamp_keeps_its_flux() {
                 .map(|(index, rgb)| f64::from(rgb[0] * pixel_solid_angle_sr(index / 512, 512, 256)))
                 .sum();
             let truth = 5000.0 * std::f64::consts::TAU * (1.0 - cos);
-            assert!((flux / truth - 1.0).abs() < 0.05, "{shot:?} {at:?}: {:.3}", flux / truth);
+            assert!((flux / truth - 1.0).abs() < 0.05, "{scene:?} {at:?}: {:.3}", flux / truth);
         }
     }
 }
@@ -134,52 +137,53 @@ fn a_small_lamp_keeps_its_flux() {
 #[test]
 fn the_panorama_turns_as_asked() {
     let map = lebombo();
-    let photo = ORTHOGRAPHIC.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 2);
+    let photo = ORTHOGRAPHIC.render(&map_radiance(&map), &|ray, _| map_radiance(&map)(ray), 2);
     let view = BallView::new(outline(&ORTHOGRAPHIC), BallLens::Orthographic, ORTHOGRAPHIC.size).unwrap();
     let options = UnwrapOptions { size: Some([256, 128]), ..UnwrapOptions::default() };
     let plain = unwrap_ball(&merged(&photo), &view, &options).unwrap().radiance;
     let yaw_rad = std::f32::consts::FRAC_PI_2;
     let turned = unwrap_ball(&merged(&photo), &view, &UnwrapOptions { yaw_rad, ..options }).unwrap().radiance;
-    // the centre looks to where +X was
+    // the centre shows the former +X
     let moved = RadianceImage::from_fn(256, 128, |x, y| plain[((x + 64) % 256, y)]);
     assert!(psnr_db(&turned, &moved, 0.0) > 45.0);
-    // a camera that looks up by 30° sees the horizon below its axis: what it has straight ahead lies 30° above the map's centre
+    // a camera pitched up by 30° sees the horizon below its axis: its viewing direction is 30° above the map's centre
     let pitch_rad = 30f32.to_radians();
     let level = unwrap_ball(&merged(&photo), &view, &UnwrapOptions { pitch_rad, ..options }).unwrap().radiance;
     let back = plain[(0, 64)];
     let expected_row = (64.0 + 128.0 * 30.0 / 180.0) as usize;
     assert!((0..3).all(|c| (level[(0, expected_row)][c] - back[c]).abs() < 0.05 * back[c].max(0.2)), "{back:?}");
-    // reflectance and what is cut out
+    // reflectance and cut-out
     let options = UnwrapOptions { reflectance: [0.5, 0.25, 1.0], cut_out_camera_rad: 0.2, ..options };
     let half = unwrap_ball(&merged(&photo), &view, &options).unwrap();
     assert!((half.radiance[(60, 40)][1] / plain[(60, 40)][1] - 4.0).abs() < 1e-3);
-    assert_eq!((half.known[(0, 64)], half.known[(60, 40)]), (0.0, 1.0));
+    assert_eq!((half.observed[(0, 64)], half.observed[(60, 40)]), (0.0, 1.0));
 }
 
-/// Before a real photo, and in the room that the ball shows, which goes on beyond the outline without an edge; with noise.
+/// With noise, in front of a real photo, and in the reflected room itself, which continues beyond the outline without
+/// an edge.
 #[test]
 fn the_outline_is_found_within_half_a_pixel() {
     let photo = resize(&read_radiance(lo_testdata::asset("library_color.jpg")).unwrap(), 640, 480);
     let map = lebombo();
     let before_photo = |_: DVec3, [u, v]: [f64; 2]| photo[((u as usize).min(639), (v as usize).min(479))];
-    let in_room = |ray: DVec3, _: [f64; 2]| of_map(&map)(ray);
-    let small = Shot { middle: [200.3, 150.8], radius_px: 71.4, ..PINHOLE };
-    let tight = Shot { middle: [330.0, 245.5], radius_px: 232.0, ..ORTHOGRAPHIC };
-    for (index, shot) in [PINHOLE, OFF_AXIS, small, ORTHOGRAPHIC, tight].into_iter().enumerate() {
-        let mut lights = vec![(shot.render(&of_map(&map), &before_photo, 2), 0.5)];
-        // seen from infinity, one direction of the room would be behind all of the ball; else there is no edge at all where the ball ends
-        if shot.focal_px.is_some() {
-            lights.push((shot.render(&of_map(&map), &in_room, 2), 1.0));
+    let in_room = |ray: DVec3, _: [f64; 2]| map_radiance(&map)(ray);
+    let small = BallScene { middle: [200.3, 150.8], radius_px: 71.4, ..PINHOLE };
+    let tight = BallScene { middle: [330.0, 245.5], radius_px: 232.0, ..ORTHOGRAPHIC };
+    for (index, scene) in [PINHOLE, OFF_AXIS, small, ORTHOGRAPHIC, tight].into_iter().enumerate() {
+        let mut lights = vec![(scene.render(&map_radiance(&map), &before_photo, 2), 0.5)];
+        // an orthographic view has one direction of the room as its whole background
+        if scene.focal_px.is_some() {
+            lights.push((scene.render(&map_radiance(&map), &in_room, 2), 1.0));
         }
         for (light, tolerance_px) in lights {
             // 2000 quanta at white: 2.2 % noise
-            let noisy = developed(&light, 0.0, 2000.0, 7 + index as u32).into_radiance();
-            let found = find_ball(&noisy, lens(&shot)).unwrap().unwrap();
-            let (got, truth) = (found.view.circle(), outline(&shot));
+            let noisy = expose(&light, 0.0, 2000.0, 7 + index as u32).into_radiance();
+            let found = find_ball(&noisy, lens(&scene)).unwrap().unwrap();
+            let (got, truth) = (found.view.circle(), outline(&scene));
             let off = [got.x - truth.x, got.y - truth.y, got.radius_px - truth.radius_px];
             println!("{truth:?}: off by {off:.2?} px, confidence {:.2}", found.confidence);
-            assert!(found.confidence >= BallFind::SURE, "{shot:?}: {found:?}");
-            assert!(off.iter().all(|off| off.abs() < tolerance_px), "{shot:?}: {off:.2?} px");
+            assert!(found.confidence >= BallDetection::MIN_CONFIDENCE, "{scene:?}: {found:?}");
+            assert!(off.iter().all(|off| off.abs() < tolerance_px), "{scene:?}: {off:.2?} px");
         }
     }
 }
@@ -189,12 +193,12 @@ fn photos_without_a_ball_give_no_sure_find() {
     let library = resize(&read_radiance(lo_testdata::asset("library_color.jpg")).unwrap(), 960, 720);
     let crops = [library.clone(), resize(&library, 320, 240), lebombo()];
     let grey = RadianceImage::new(300, 200, vec![[0.3; 3]; 300 * 200]);
-    let noise = developed(&grey, 0.0, 500.0, 3).into_radiance();
+    let noise = expose(&grey, 0.0, 500.0, 3).into_radiance();
     let tiny = RadianceImage::new(1, 1, vec![[0.3; 3]]);
     for photo in crops.into_iter().chain([grey, noise, tiny, RadianceImage::new(5, 400, vec![[1.0; 3]; 2000])]) {
         let found = find_ball(&photo, BallLens::Orthographic).unwrap();
         println!("{} × {}: {found:?}", photo.width(), photo.height());
-        assert!(found.is_none_or(|found| found.confidence < BallFind::SURE), "{found:?}");
+        assert!(found.is_none_or(|found| found.confidence < BallDetection::MIN_CONFIDENCE), "{found:?}");
     }
     assert!(matches!(find_ball(&lebombo(), BallLens::Focal { focal_px: 0.0 }), Err(BallError::Lens { .. })));
 }
@@ -202,10 +206,10 @@ fn photos_without_a_ball_give_no_sure_find() {
 #[test]
 fn a_noisy_bracket_gives_exposures_and_range() {
     let map = lebombo();
-    let light = PINHOLE.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 2);
+    let light = PINHOLE.render(&map_radiance(&map), &|ray, _| map_radiance(&map)(ray), 2);
     let stops = [0.0, -2.5, -5.0, 1.5];
     let photos: Vec<Photo> =
-        stops.iter().enumerate().map(|(i, &stop)| developed(&light, stop, 4000.0, i as u32)).collect();
+        stops.iter().enumerate().map(|(i, &stop)| expose(&light, stop, 4000.0, i as u32)).collect();
     let estimated = estimate_stops(&photos).unwrap();
     for (got, expected) in estimated.iter().zip(stops) {
         let ratio = (got - f64::from(expected)).exp2();
@@ -217,7 +221,7 @@ fn a_noisy_bracket_gives_exposures_and_range() {
         unwrap_ball(&merged, &view, &UnwrapOptions { size: Some([256, 128]), ..UnwrapOptions::default() }).unwrap();
     let psnr = psnr_db(&got.radiance, &map, 60.0);
     assert!(psnr > 30.0, "{psnr:.1} dB");
-    // the window's light of 20 times white is there
+    // the window's radiance of 20 times white is recovered
     let brightest = |map: &RadianceImage| {
         let small = resize_equirectangular(map, 64, 32);
         small.pixels().iter().map(|rgb| rgb[1]).fold(0.0, f32::max)
@@ -227,7 +231,7 @@ fn a_noisy_bracket_gives_exposures_and_range() {
 }
 
 #[test]
-fn no_circle_and_no_size_makes_a_panic() {
+fn invalid_circles_and_sizes_never_panic() {
     let photo = merged(&RadianceImage::from_fn(40, 30, |x, y| [(x + y) as f32; 3]));
     let circles = [-5.0, 0.0, 3.9, 4.0, 12.5, 29.9, 40.0, 1e7, f64::NAN];
     for (x, y, radius_px) in circles.iter().flat_map(|&x| circles.iter().flat_map(move |&y| circles.map(|r| (x, y, r))))
@@ -244,11 +248,11 @@ fn no_circle_and_no_size_makes_a_panic() {
     }
 }
 
-/// How sure finds are with and without a ball, and how good: what [`BallFind::SURE`] is chosen by.
+/// Prints confidence and accuracy with and without a ball: the basis of [`BallDetection::MIN_CONFIDENCE`].
 #[test]
-#[ignore = "a survey of the panoramas and photos beside the checkout: cargo test -p lo_imaging --test it survey -- --ignored --nocapture"]
+#[ignore = "surveys data beside the checkout: cargo test -p lo_imaging --test it survey -- --ignored --nocapture"]
 fn survey() {
-    let Some(folder) = lo_testdata::beside("hdr", "finding the ball in other rooms") else { return };
+    let Some(folder) = lo_testdata::shared_data("hdr", "finding the ball in other rooms") else { return };
     let mut panoramas: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
     panoramas.retain(|path| path.extension().is_some_and(|end| end == "hdr" || end == "exr"));
     panoramas.sort();
@@ -259,11 +263,11 @@ fn survey() {
         let gain = 0.2 / all.select_nth_unstable_by(middle, f32::total_cmp).1.max(1e-4);
         let map = map.map(|rgb| rgb.map(|v| v * gain));
         let radius_px = 60.0 + 13.0 * index as f64;
-        let shot = Shot { middle: [300.0 + 3.3 * index as f64, 250.0], radius_px, ..PINHOLE };
-        let light = shot.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 2);
-        let noisy = developed(&light, 0.0, 2000.0, index as u32).into_radiance();
-        let found = find_ball(&noisy, lens(&shot)).unwrap();
-        let truth = outline(&shot);
+        let scene = BallScene { middle: [300.0 + 3.3 * index as f64, 250.0], radius_px, ..PINHOLE };
+        let light = scene.render(&map_radiance(&map), &|ray, _| map_radiance(&map)(ray), 2);
+        let noisy = expose(&light, 0.0, 2000.0, index as u32).into_radiance();
+        let found = find_ball(&noisy, lens(&scene)).unwrap();
+        let truth = outline(&scene);
         let off = found.map(|found| {
             let got = found.view.circle();
             (got.x - truth.x).abs().max((got.y - truth.y).abs()).max((got.radius_px - truth.radius_px).abs())
@@ -271,7 +275,7 @@ fn survey() {
         let camera = lo_geometry::Camera::from_hfov_deg(70.0, 640, 480).unwrap();
         let turn = lo_imaging::view_rotation(0.7 * index as f32, 0.0, 0.0);
         let bare = lo_imaging::perspective_from_equirectangular(&map, &camera, turn);
-        let bare = developed(&bare, 0.0, 2000.0, index as u32).into_radiance();
+        let bare = expose(&bare, 0.0, 2000.0, index as u32).into_radiance();
         let none = find_ball(&bare, BallLens::Orthographic).unwrap();
         println!(
             "{index:2} radius {radius_px:5.1}: off by {off:.2?} px, confidence {:.2?}; without a ball {:.2?} {:.0?}  {}",
@@ -282,7 +286,7 @@ fn survey() {
         );
     }
     for folder in ["photos_more", "rgbd", "rgbd_more"] {
-        let Some(folder) = lo_testdata::beside(folder, "photos without a ball") else { return };
+        let Some(folder) = lo_testdata::shared_data(folder, "photos without a ball") else { return };
         let mut photos: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
         photos.retain(|path| {
             path.extension().is_some_and(|end| end == "jpg") || path.display().to_string().ends_with("color.png")

@@ -1,24 +1,25 @@
-//! Photos of a mirror ball: rays met with a sphere and mirrored by vectors, many a pixel.
+//! Renders photos of a mirror ball by reflecting rays at a sphere, with several rays a pixel.
 
 use lo_geometry::DVec3;
 use lo_imaging::{Image, Photo, RadianceImage, sample_equirectangular, srgb8_from_linear};
 use rayon::prelude::*;
 
-/// A camera at the origin and a ball before it.
+/// A camera at the origin and a ball in front of it.
 #[derive(Clone, Copy, Debug)]
-pub struct Shot {
-    /// Photo's width and height.
+pub struct BallScene {
+    /// Width and height of the photo.
     pub size: [usize; 2],
-    /// Middle of the outline in pixels, on the camera's axis or, in a pinhole, where the centre of the ball projects to.
+    /// Centre of the outline in pixels; for a pinhole, the projection of the ball's centre.
     pub middle: [f64; 2],
-    /// Radius in pixels of an orthographic view; in a pinhole the tangent of the half-angle times the focal length.
+    /// Radius in pixels of an orthographic view; for a pinhole, the tangent of the half-angle times the focal length.
     pub radius_px: f64,
-    /// Focal length in pixels; `None` for orthographic.
+    /// Focal length in pixels; `None` for an orthographic view.
     pub focal_px: Option<f64>,
 }
 
-impl Shot {
-    /// Linear light of the photo: `panorama` in the ball, `background` beside it, by direction and image position.
+impl BallScene {
+    /// Renders linear radiance: `panorama` (by direction) in the ball, `background` (by ray and image position) around
+    /// it.
     pub fn render(
         &self,
         panorama: &(impl Fn(DVec3) -> [f32; 3] + Sync),
@@ -28,7 +29,7 @@ impl Shot {
         let [width, height] = self.size;
         let pixel = |index: usize| {
             let (x, y) = ((index % width) as f64, (index / width) as f64);
-            // the mirror squeezes all of the room into its rim
+            // the rim compresses much of the room and needs more samples
             let offset = (x + 0.5 - self.middle[0]).hypot(y + 0.5 - self.middle[1]) / self.radius_px;
             let samples = if (0.9..1.1).contains(&offset) { 3 * samples } else { samples };
             let mut sum = [0.0f64; 3];
@@ -45,7 +46,7 @@ impl Shot {
         RadianceImage::new(width, height, (0..width * height).into_par_iter().map(pixel).collect())
     }
 
-    /// The direction that the ball shows at an image position, or the ray that passes it.
+    /// Returns the direction reflected at an image position, or the ray that misses the ball.
     fn mirrored(&self, [u, v]: [f64; 2]) -> Result<DVec3, DVec3> {
         let (dx, dy) = ((u - self.middle[0]) / self.radius_px, (self.middle[1] - v) / self.radius_px);
         let Some(focal_px) = self.focal_px else {
@@ -72,13 +73,13 @@ impl Shot {
     }
 }
 
-/// Radiance of a map by direction.
-pub fn of_map(map: &RadianceImage) -> impl Fn(DVec3) -> [f32; 3] + Sync {
+/// Radiance lookup in a map by direction.
+pub fn map_radiance(map: &RadianceImage) -> impl Fn(DVec3) -> [f32; 3] + Sync {
     |direction| sample_equirectangular(map, direction.as_vec3())
 }
 
-/// An 8-bit photo with `stops` of exposure and noise: of the light's quanta (`full_well` at white) and of the electronics.
-pub fn developed(light: &RadianceImage, stops: f32, full_well: f32, seed: u32) -> Photo {
+/// Exposes an 8-bit photo by `stops`, with shot noise (`full_well` electrons at white) and read noise.
+pub fn expose(light: &RadianceImage, stops: f32, full_well: f32, seed: u32) -> Photo {
     let mut state = seed.wrapping_mul(2_654_435_761).wrapping_add(1);
     let mut uniform = move || {
         state ^= state << 13;
@@ -86,7 +87,7 @@ pub fn developed(light: &RadianceImage, stops: f32, full_well: f32, seed: u32) -
         state ^= state << 5;
         (state >> 8) as f32 / (1 << 24) as f32
     };
-    // the sum of twelve is as good as normal
+    // the sum of twelve uniform variables is nearly normal
     let mut normal = move || (0..12).map(|_| uniform()).sum::<f32>() - 6.0;
     let pixels = light
         .pixels()
