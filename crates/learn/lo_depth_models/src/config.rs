@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::ModelError;
 use crate::onnx::{Dim, Element, Graph};
-use crate::recipe::Recipe;
 
 /// Longest config that is read.
 const MAX_CONFIG_BYTES: u64 = 1 << 16;
@@ -267,82 +266,5 @@ impl ModelConfig {
              output = {output}\n\
              focal = {{ rule = \"none\" }}   # or {{ rule = \"canonical\", pixels = 1000 }}\n{integers}"
         )
-    }
-
-    /// A recipe by this config, what it leaves open by the family's.
-    pub(crate) fn applied(&self, family: Option<Recipe>, graph: &Graph) -> Result<Recipe, ModelError> {
-        let pictures: Vec<&str> = graph
-            .inputs
-            .iter()
-            .filter(|info| info.dims.as_ref().is_none_or(|dims| dims.len() == 4))
-            .map(|info| info.name.as_str())
-            .collect();
-        let known = family.is_some();
-        let needed = |what: &str| {
-            ModelError::Config(format!("it does not say {what}; the model has\n{}", crate::recipe::signature(graph)))
-        };
-        let mut recipe = family.unwrap_or_else(|| Recipe {
-            family: String::new(),
-            input: if let [only] = pictures[..] { only.to_owned() } else { String::new() },
-            layout: Layout::Nchw,
-            bgr: false,
-            white: 1.0,
-            mean: [0.0; 3],
-            deviation: [1.0; 3],
-            padding: None,
-            // Where the file fixes no size, the config must; see below.
-            size: SizeRule::Fixed { width: 0, height: 0 },
-            integers: Vec::new(),
-            kind: Kind::Metric,
-            output: if let [only] = &graph.outputs[..] { only.name.clone() } else { String::new() },
-            normals: None,
-            normals_kappa: None,
-            mask: None,
-            scale: None,
-            canonical_focal_px: None,
-        });
-        if !known && self.kind.is_none() {
-            return Err(needed("the kind (metric, inverse-affine, log or points)"));
-        }
-        recipe.family = self
-            .name
-            .clone()
-            .unwrap_or_else(|| if recipe.family.is_empty() { "by its config".to_owned() } else { recipe.family });
-        recipe.kind = self.kind.unwrap_or(recipe.kind);
-        recipe.input = self.input.clone().unwrap_or(recipe.input);
-        recipe.layout = self.layout.unwrap_or(recipe.layout);
-        recipe.bgr = self.channels.map_or(recipe.bgr, |channels| channels == Channels::Bgr);
-        recipe.white = self.white.unwrap_or(recipe.white);
-        recipe.mean = self.mean.unwrap_or(recipe.mean);
-        recipe.deviation = self.deviation.unwrap_or(recipe.deviation);
-        recipe.output = self.output.clone().unwrap_or(recipe.output);
-        recipe.normals = self.normals.clone().or(recipe.normals);
-        recipe.mask = self.mask.clone().or(recipe.mask);
-        recipe.scale = self.scale.clone().or(recipe.scale);
-        for (name, value) in &self.integers {
-            recipe.integers.retain(|(known, _)| known != name);
-            recipe.integers.push((name.clone(), *value));
-        }
-        match self.focal {
-            None => {}
-            Some(Focal::None) => recipe.canonical_focal_px = None,
-            Some(Focal::Canonical { pixels }) => recipe.canonical_focal_px = Some(pixels),
-        }
-        if recipe.input.is_empty() {
-            return Err(needed("which input takes the photo"));
-        }
-        if recipe.output.is_empty() {
-            return Err(needed("which output is looked at"));
-        }
-        let dims = graph.inputs.iter().find(|info| info.name == recipe.input).and_then(|info| info.dims.as_ref());
-        let fixed = dims.is_some_and(|dims| {
-            dims.len() == 4 && recipe.layout.axes()[1..].iter().all(|&axis| matches!(dims[axis], Dim::Fixed(_)))
-        });
-        match self.size {
-            Some(size) => recipe.size = size,
-            None if !known && !fixed => return Err(needed("the size")),
-            None => {}
-        }
-        Ok(recipe)
     }
 }

@@ -5,6 +5,7 @@
 
 mod config;
 mod error;
+mod facts;
 mod model;
 mod onnx;
 mod plan;

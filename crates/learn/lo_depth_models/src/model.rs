@@ -9,13 +9,13 @@ use lo_geometry::Camera;
 use lo_imaging::Image;
 
 use crate::error::short;
+use crate::facts::Known;
 use crate::metric3d::Letterbox;
 use crate::onnx::{Graph, Weights, read_model, simplify};
 use crate::plan::{Given, plan};
 use crate::preprocess::{input_dims, input_size, prepared};
 use crate::recipe::Recipe;
 use crate::runtime::{Array, Loaded, Runtime};
-use crate::shapes::Known;
 use crate::{FieldOfView, Geometry, Kind, ModelConfig, ModelError, Prediction, depth_anything, metric3d, moge};
 
 /// Largest file that is opened.

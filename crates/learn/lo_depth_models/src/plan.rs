@@ -6,12 +6,13 @@
 use std::collections::{HashMap, HashSet, VecDeque};
 
 use crate::ModelError;
+use crate::facts::{Fact, Inputs, Known};
 use crate::onnx::{
     AttributeValue, Data, Dim, Element, Graph, MAX_DIM, MAX_NESTING, MAX_NODES, MAX_RANK, Node, Tensor, inlined_branch,
     product,
 };
 use crate::resize;
-use crate::shapes::{Fact, Inputs, Known, shape_range, shapes};
+use crate::shapes::{shape_range, shapes};
 
 /// Memory that weights and values of a run may take.
 const MAX_RUN_BYTES: u64 = 1_900_000_000;

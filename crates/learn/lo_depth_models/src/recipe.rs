@@ -2,8 +2,8 @@
 
 use std::collections::HashSet;
 
-use crate::config::ModelConfig;
-use crate::onnx::{Data, Dim, Element, Graph, Tensor, ValueInfo};
+use crate::config::{Channels, Focal, ModelConfig};
+use crate::onnx::{Data, Dim, Element, Graph, Tensor};
 use crate::{Kind, Layout, ModelError, SizeRule, depth_anything, metric3d};
 
 /// Tokens that MoGe-2 is given: its exporter's choice, of 1200 to 3600.
@@ -55,9 +55,9 @@ impl Recipe {
         let known = known(graph, file_name);
         let recipe = match (known, config) {
             (Some(recipe), None) => recipe,
-            (known, Some(config)) => config.applied(known, graph)?,
+            (known, Some(config)) => Self::configured(known, config, graph)?,
             (None, None) => {
-                return Err(ModelError::Unknown { signature: signature(graph), config: ModelConfig::template(graph) });
+                return Err(ModelError::Unknown { signature: graph.signature(), config: ModelConfig::template(graph) });
             }
         };
         recipe.checked(graph)
@@ -76,8 +76,87 @@ impl Recipe {
         outputs
     }
 
+    /// Applies a config to the recipe of a known family, or to none.
+    ///
+    /// # Errors
+    /// Without a family: a config without kind or size, or with an input or output left open that the graph does not settle.
+    fn configured(family: Option<Self>, config: &ModelConfig, graph: &Graph) -> Result<Self, ModelError> {
+        let pictures: Vec<&str> = graph
+            .inputs
+            .iter()
+            .filter(|info| info.dims.as_ref().is_none_or(|dims| dims.len() == 4))
+            .map(|info| info.name.as_str())
+            .collect();
+        let known = family.is_some();
+        let needed =
+            |what: &str| ModelError::Config(format!("it does not say {what}; the model has\n{}", graph.signature()));
+        let mut recipe = family.unwrap_or_else(|| Self {
+            family: String::new(),
+            input: if let [only] = pictures[..] { only.to_owned() } else { String::new() },
+            layout: Layout::Nchw,
+            bgr: false,
+            white: 1.0,
+            mean: [0.0; 3],
+            deviation: [1.0; 3],
+            padding: None,
+            // Where the file fixes no size, the config must; see below.
+            size: SizeRule::Fixed { width: 0, height: 0 },
+            integers: Vec::new(),
+            kind: Kind::Metric,
+            output: if let [only] = &graph.outputs[..] { only.name.clone() } else { String::new() },
+            normals: None,
+            normals_kappa: None,
+            mask: None,
+            scale: None,
+            canonical_focal_px: None,
+        });
+        if !known && config.kind.is_none() {
+            return Err(needed("the kind (metric, inverse-affine, log or points)"));
+        }
+        recipe.family = config
+            .name
+            .clone()
+            .unwrap_or_else(|| if recipe.family.is_empty() { "by its config".to_owned() } else { recipe.family });
+        recipe.kind = config.kind.unwrap_or(recipe.kind);
+        recipe.input = config.input.clone().unwrap_or(recipe.input);
+        recipe.layout = config.layout.unwrap_or(recipe.layout);
+        recipe.bgr = config.channels.map_or(recipe.bgr, |channels| channels == Channels::Bgr);
+        recipe.white = config.white.unwrap_or(recipe.white);
+        recipe.mean = config.mean.unwrap_or(recipe.mean);
+        recipe.deviation = config.deviation.unwrap_or(recipe.deviation);
+        recipe.output = config.output.clone().unwrap_or(recipe.output);
+        recipe.normals = config.normals.clone().or(recipe.normals);
+        recipe.mask = config.mask.clone().or(recipe.mask);
+        recipe.scale = config.scale.clone().or(recipe.scale);
+        for (name, value) in &config.integers {
+            recipe.integers.retain(|(known, _)| known != name);
+            recipe.integers.push((name.clone(), *value));
+        }
+        match config.focal {
+            None => {}
+            Some(Focal::None) => recipe.canonical_focal_px = None,
+            Some(Focal::Canonical { pixels }) => recipe.canonical_focal_px = Some(pixels),
+        }
+        if recipe.input.is_empty() {
+            return Err(needed("which input takes the photo"));
+        }
+        if recipe.output.is_empty() {
+            return Err(needed("which output is looked at"));
+        }
+        let dims = graph.inputs.iter().find(|info| info.name == recipe.input).and_then(|info| info.dims.as_ref());
+        let fixed = dims.is_some_and(|dims| {
+            dims.len() == 4 && recipe.layout.axes()[1..].iter().all(|&axis| matches!(dims[axis], Dim::Fixed(_)))
+        });
+        match config.size {
+            Some(size) => recipe.size = size,
+            None if !known && !fixed => return Err(needed("the size")),
+            None => {}
+        }
+        Ok(recipe)
+    }
+
     fn checked(mut self, graph: &Graph) -> Result<Self, ModelError> {
-        let wrong = |why: String| Err(ModelError::Config(format!("{why}; the model has\n{}", signature(graph))));
+        let wrong = |why: String| Err(ModelError::Config(format!("{why}; the model has\n{}", graph.signature())));
         let Some(input) = graph.inputs.iter().find(|info| info.name == self.input) else {
             return wrong(format!("there is no input \"{}\"", self.input));
         };
@@ -257,24 +336,4 @@ fn is_mean(tensor: &Tensor) -> bool {
     tensor.element == Element::F32
         && bytes.len() == 12
         && values.zip(metric3d::MEAN).all(|(value, mean)| (value - mean).abs() < 0.1)
-}
-
-/// Inputs and outputs, one a line.
-pub(crate) fn signature(graph: &Graph) -> String {
-    let line = |what: &str, info: &ValueInfo| {
-        format!("  {what:<6} {}  {} {}", crate::error::short(&info.name), info.element.name(), dims_text(info))
-    };
-    let inputs = graph.inputs.iter().map(|info| line("input", info));
-    let outputs = graph.outputs.iter().map(|info| line("output", info));
-    inputs.chain(outputs).take(40).collect::<Vec<_>>().join("\n")
-}
-
-fn dims_text(info: &ValueInfo) -> String {
-    let Some(dims) = &info.dims else { return "of any shape".to_owned() };
-    let dim = |dim: &Dim| match dim {
-        Dim::Fixed(size) => size.to_string(),
-        Dim::Free(name) if name.is_empty() => "?".to_owned(),
-        Dim::Free(name) => crate::error::short(name),
-    };
-    format!("[{}]", dims.iter().map(dim).collect::<Vec<_>>().join(", "))
 }

@@ -3,8 +3,8 @@
 //! rten 0.27 computes `cubic` as `linear`, refuses `antialias`, and lets nobody put an operator in the place of its own. With sizes known before the run,
 //! every mode of the standard is two products that it does well. Definition: <https://onnx.ai/onnx/operators/onnx__Resize.html>.
 
+use crate::facts::{Fact, Inputs};
 use crate::onnx::{AttributeValue, Node, Tensor, product};
-use crate::shapes::{Fact, Inputs};
 
 /// Largest matrix along an axis.
 const MAX_MATRIX: usize = 1 << 24;

@@ -12,9 +12,9 @@ use rten_tensor::prelude::*;
 use rten_tensor::{Tensor, TensorView};
 
 use crate::ModelError;
+use crate::facts::Known;
 use crate::onnx::{Dim, Element, Graph, Node, ValueInfo, WEIGHTS_FILE, Weights, product, write_model};
 use crate::plan::Values;
-use crate::shapes::Known;
 
 /// rten orders a graph's nodes by recursion along them; [`crate::plan`] limits how far that goes.
 const STACK_BYTES: usize = 64 << 20;

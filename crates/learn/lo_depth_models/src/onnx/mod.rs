@@ -126,6 +126,18 @@ pub(crate) struct Graph {
     pub outputs: Vec<ValueInfo>,
 }
 
+impl Graph {
+    /// Inputs and outputs with their types and sizes, one a line, at most 40.
+    pub fn signature(&self) -> String {
+        let line = |what: &str, info: &ValueInfo| {
+            format!("  {what:<6} {}  {} {}", crate::error::short(&info.name), info.element.name(), info.dims_text())
+        };
+        let inputs = self.inputs.iter().map(|info| line("input", info));
+        let outputs = self.outputs.iter().map(|info| line("output", info));
+        inputs.chain(outputs).take(40).collect::<Vec<_>>().join("\n")
+    }
+}
+
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Function {
     pub name: String,
@@ -286,6 +298,18 @@ pub(crate) struct ValueInfo {
     pub element: Element,
     /// Where the file says it.
     pub dims: Option<Vec<Dim>>,
+}
+
+impl ValueInfo {
+    fn dims_text(&self) -> String {
+        let Some(dims) = &self.dims else { return "of any shape".to_owned() };
+        let dim = |dim: &Dim| match dim {
+            Dim::Fixed(size) => size.to_string(),
+            Dim::Free(name) if name.is_empty() => "?".to_owned(),
+            Dim::Free(name) => crate::error::short(name),
+        };
+        format!("[{}]", dims.iter().map(dim).collect::<Vec<_>>().join(", "))
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
