@@ -1,7 +1,9 @@
-//! The rules of `deny.toml` as far as they can be checked without a network and without `cargo deny`: licences, wildcards, sources.
+//! The rules of `deny.toml` as far as they can be checked without a network and without `cargo deny`: licences,
+//! wildcards, sources.
 //!
-//! Licences cover what cargo compiles on this machine by default, with build scripts and tests. Dependencies of other systems and of
-//! features that are off are left to `cargo deny check`, since cargo may not have downloaded them; so are security advisories.
+//! Licences cover what cargo compiles on this machine by default, with build scripts and tests. Dependencies of other
+//! systems and of features that are off are left to `cargo deny check`, since cargo may not have downloaded them; so
+//! are security advisories.
 
 use std::collections::{BTreeMap, BTreeSet};
 

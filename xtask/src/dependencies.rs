@@ -1,7 +1,7 @@
 //! Dependencies between crates: the manifests against the table of `ARCHITECTURE.md` and against the layers.
 //!
-//! The table's head begins with `| crate |` and has four columns: the package's folder, its job, its dependencies, and those of its tests.
-//! Folders and names are in backticks.
+//! The table's head begins with `| crate |` and has four columns: the package's folder, its job, its dependencies, and
+//! those of its tests. Folders and names are in backticks.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,7 +16,8 @@ const FACADE: &str = "crates/lightoctree";
 const FACADE_LAYER: usize = 3;
 const DOCUMENT: &str = "ARCHITECTURE.md";
 
-/// Dependencies that only the manifests or only the table have, dependencies on a higher layer, and packages with two names.
+/// Dependencies that only the manifests or only the table have, dependencies on a higher layer, and packages with two
+/// names.
 pub fn problems(workspace: &Workspace) -> anyhow::Result<Vec<String>> {
     let text =
         std::fs::read_to_string(workspace.root.join(DOCUMENT)).with_context(|| format!("cannot read {DOCUMENT}"))?;

@@ -88,7 +88,7 @@ fn normal(path: &str) -> Option<String> {
     Some(parts.join("/"))
 }
 
-/// What GitHub calls a heading in links.
+/// GitHub's anchor of a heading.
 fn anchor(line: &str) -> Option<String> {
     let text = line.strip_prefix('#')?.trim_start_matches('#').strip_prefix(' ')?.trim().to_lowercase();
     let kept = text.chars().filter(|&c| c.is_alphanumeric() || "-_ ".contains(c));

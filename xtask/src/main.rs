@@ -1,7 +1,7 @@
 //! Checks of the workspace that no compiler makes, and its long tests.
 //!
-//! `cargo xtask` runs every enforced check, and so does `cargo test -p xtask`. `cargo xtask NAME` runs one check, enforced or not.
-//! `cargo xtask long [NAME]` lists or runs the ignored tests.
+//! `cargo xtask` runs every enforced check, and so does `cargo test -p xtask`. `cargo xtask NAME` runs one check,
+//! enforced or not. `cargo xtask long [NAME]` lists or runs the ignored tests.
 
 mod deny;
 mod dependencies;

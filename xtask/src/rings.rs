@@ -1,8 +1,8 @@
 //! Files of a crate that use each other in a ring.
 //!
-//! A file uses another where it names one of its items by a path: `crate::a::Item`, `super::Item`, `child::function()`. Re-exports are
-//! followed to the file that defines the item, and are no use themselves. Tests do not count. Method calls, traits in scope and what
-//! macros expand to are not seen.
+//! A file uses another where it names one of its items by a path: `crate::a::Item`, `super::Item`, `child::function()`.
+//! Re-exports are followed to the file that defines the item, and are no use themselves. Tests do not count. Method
+//! calls, traits in scope and what macros expand to are not seen.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -157,8 +157,17 @@ impl Modules {
                             module.add_use(&tokens[at + 1..end], &[], path, is_public(&tokens[..at]));
                             at = end + 1;
                         }
+                        ("enum", Some(TokenTree::Ident(name)), _) => {
+                            self.0.entry(path.clone()).or_default().items.insert(name.to_string());
+                            let is_body = |token: &TokenTree| matches!(token, TokenTree::Group(group) if group.delimiter() == Delimiter::Brace);
+                            let end = (at..tokens.len()).find(|&end| is_body(&tokens[end])).unwrap_or(tokens.len());
+                            if let Some(TokenTree::Group(body)) = tokens.get(end) {
+                                self.scan(without_variants(body.stream()), path, file, files);
+                            }
+                            at = end + 1;
+                        }
                         (
-                            "fn" | "struct" | "enum" | "union" | "trait" | "type" | "const" | "static",
+                            "fn" | "struct" | "union" | "trait" | "type" | "const" | "static",
                             Some(TokenTree::Ident(name)),
                             _,
                         ) => {
@@ -216,7 +225,8 @@ impl Modules {
         (own.imports.contains_key(first) || self.0.contains_key(&child)).then(|| [&module[..], rest].concat())
     }
 
-    /// The file that defines what a path from the root names, and the item, unless the path ends at a module; `None` for other crates.
+    /// The file that defines what a path from the root names, and the item, unless the path ends at a module; `None`
+    /// for other crates.
     fn resolve(&self, path: &[String], depth: usize) -> Option<(&Path, Option<String>)> {
         // Re-exports can form a ring, too.
         let depth = depth.checked_sub(1)?;
@@ -317,6 +327,22 @@ impl Module {
             }
         }
     }
+}
+
+/// An enum's body without the names of its variants, which may be those of imports.
+fn without_variants(body: TokenStream) -> TokenStream {
+    let mut begins = true;
+    let keep = |token: &TokenTree| {
+        let is_name = begins && matches!(token, TokenTree::Ident(_));
+        begins = match token {
+            TokenTree::Punct(punct) => punct.as_char() == ',' || (begins && punct.as_char() == '#'),
+            // Attributes come before the name.
+            TokenTree::Group(group) => begins && group.delimiter() == Delimiter::Bracket,
+            _ => false,
+        };
+        !is_name
+    };
+    body.into_iter().filter(keep).collect()
 }
 
 fn is_punct(token: Option<&TokenTree>, mark: char) -> bool {
@@ -429,6 +455,8 @@ mod tests {
         assert_eq!(a("pub struct A;\n#[cfg(test)]\n#[allow(unused)]\nuse crate::{b::B};\n"), [""; 0]);
         assert_eq!(a("pub struct A;\n#[cfg(test)]\nfn f(b: crate::b::B) {}\nfn g() {}\n"), [""; 0]);
         assert_eq!(a("/// [`crate::b::B`]\npub struct A; // crate::b::B\nconst C: &str = \"crate::b::B\";"), [""; 0]);
+        assert_eq!(a("pub use crate::b::B;\npub enum A { #[doc = \"\"] B { x: u8 }, C }"), [""; 0], "a variant");
+        assert_eq!(a("pub use crate::b::B;\npub enum A { C(B) }").len(), 1);
         assert_eq!(a("use other::b::B;\npub struct A(B, std::b::B);"), [""; 0]);
         assert_eq!(a("#[cfg(feature = \"f\")]\nuse crate::b::B;\npub struct A(B);").len(), 1);
     }

@@ -33,7 +33,7 @@ pub struct Package {
     pub wildcards: BTreeSet<String>,
 }
 
-/// What cargo builds of a package.
+/// A target that cargo builds.
 #[derive(Debug, Default, Deserialize)]
 pub struct Target {
     pub name: String,

@@ -1,4 +1,4 @@
-//! What a model wants to be given, and what it gives.
+//! A model's recipe: how to make its inputs and read its outputs.
 
 use std::collections::HashSet;
 
@@ -6,19 +6,20 @@ use crate::config::{Channels, Focal, ModelConfig};
 use crate::onnx::{Data, Dim, Element, Graph, Tensor};
 use crate::{Kind, Layout, ModelError, SizeRule, depth_anything, metric3d};
 
-/// Tokens that MoGe-2 is given: its exporter's choice, of 1200 to 3600.
+/// Number of tokens for MoGe-2: its exporter's default, of 1200 to 3600.
 const MOGE_TOKENS: i64 = 1800;
 
-/// Longer side of the photo for MoGe-2, which makes it smaller inside by the tokens, and gives points of this size back. Estimation works at 480.
+/// Longer side of the photo for MoGe-2 in pixels. The network resizes it to its tokens and predicts points at this
+/// size. Estimation works at 480.
 const MOGE_LONGER_SIDE: usize = 720;
 
-/// Nodes at the beginning or the end of a graph that tell its family.
+/// Number of nodes at either end of a graph that are inspected for its family.
 const LOOKED_AT: usize = 100;
 
-/// How to use a model.
+/// Inputs and outputs of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Recipe {
-    /// The family, for people.
+    /// Display name of the family.
     pub family: String,
     pub input: String,
     pub layout: Layout,
@@ -28,29 +29,29 @@ pub(crate) struct Recipe {
     pub white: f32,
     pub mean: [f32; 3],
     pub deviation: [f32; 3],
-    /// What fills the rest of a letterbox, of 255; the mean where it is not said.
+    /// Colour around the photo in a letterbox, 0 to 255; the mean if absent.
     pub padding: Option<[f32; 3]>,
     pub size: SizeRule,
-    /// Further inputs of one integer each.
+    /// Further inputs, each one integer.
     pub integers: Vec<(String, i64)>,
     pub kind: Kind,
-    /// Depth or points.
+    /// Name of the output with depth or points.
     pub output: String,
     pub normals: Option<String>,
-    /// Concentration κ of the normals.
+    /// Name of the output with the concentration κ of the normals.
     pub normals_kappa: Option<String>,
     pub mask: Option<String>,
-    /// What points are multiplied by to be metres.
+    /// Name of the output with the factor from points to metres.
     pub scale: Option<String>,
-    /// Depth is that of a camera of so many pixels' focal length.
+    /// Focal length of the canonical camera in pixels, if depth depends on the focal length.
     pub canonical_focal_px: Option<f64>,
 }
 
 impl Recipe {
-    /// Of a simplified graph: by what is known of its family, and by what a config says.
+    /// Determines the recipe of a simplified graph from its family and from a config.
     ///
     /// # Errors
-    /// A model that is not known and no config, or a config that does not fit the graph.
+    /// An unknown model without a config, or a config that does not match the graph.
     pub fn of(graph: &Graph, config: Option<&ModelConfig>, file_name: &str) -> Result<Self, ModelError> {
         let known = known(graph, file_name);
         let recipe = match (known, config) {
@@ -63,12 +64,12 @@ impl Recipe {
         recipe.checked(graph)
     }
 
-    /// All outputs that are looked at.
+    /// Names of all outputs that are used.
     pub fn outputs(&self) -> Vec<String> {
         let others = [&self.normals, &self.normals_kappa, &self.mask, &self.scale];
         let mut outputs = vec![self.output.clone()];
         for name in others.into_iter().flatten() {
-            // The run time refuses to give one twice.
+            // The runtime rejects duplicates.
             if !outputs.contains(name) {
                 outputs.push(name.clone());
             }
@@ -79,9 +80,9 @@ impl Recipe {
     /// Applies a config to the recipe of a known family, or to none.
     ///
     /// # Errors
-    /// Without a family: a config without kind or size, or with an input or output left open that the graph does not settle.
+    /// Without a family: a config that lacks the kind, or a size, input or output that the graph does not determine.
     fn configured(family: Option<Self>, config: &ModelConfig, graph: &Graph) -> Result<Self, ModelError> {
-        let pictures: Vec<&str> = graph
+        let images: Vec<&str> = graph
             .inputs
             .iter()
             .filter(|info| info.dims.as_ref().is_none_or(|dims| dims.len() == 4))
@@ -89,17 +90,17 @@ impl Recipe {
             .collect();
         let known = family.is_some();
         let needed =
-            |what: &str| ModelError::Config(format!("it does not say {what}; the model has\n{}", graph.signature()));
+            |what: &str| ModelError::Config(format!("it does not define {what}; the model has\n{}", graph.signature()));
         let mut recipe = family.unwrap_or_else(|| Self {
             family: String::new(),
-            input: if let [only] = pictures[..] { only.to_owned() } else { String::new() },
+            input: if let [only] = images[..] { only.to_owned() } else { String::new() },
             layout: Layout::Nchw,
             bgr: false,
             white: 1.0,
             mean: [0.0; 3],
             deviation: [1.0; 3],
             padding: None,
-            // Where the file fixes no size, the config must; see below.
+            // Replaced below, by the config or by the file.
             size: SizeRule::Fixed { width: 0, height: 0 },
             integers: Vec::new(),
             kind: Kind::Metric,
@@ -138,10 +139,10 @@ impl Recipe {
             Some(Focal::Canonical { pixels }) => recipe.canonical_focal_px = Some(pixels),
         }
         if recipe.input.is_empty() {
-            return Err(needed("which input takes the photo"));
+            return Err(needed("the input for the photo"));
         }
         if recipe.output.is_empty() {
-            return Err(needed("which output is looked at"));
+            return Err(needed("the output with depth or points"));
         }
         let dims = graph.inputs.iter().find(|info| info.name == recipe.input).and_then(|info| info.dims.as_ref());
         let fixed = dims.is_some_and(|dims| {
@@ -165,7 +166,7 @@ impl Recipe {
         }
         if input.element != Element::F32 {
             return wrong(format!(
-                "its input \"{}\" takes {}, not numbers with a fraction",
+                "its input \"{}\" has the type {}, expected floating-point numbers",
                 self.input,
                 input.element.name()
             ));
@@ -174,9 +175,9 @@ impl Recipe {
             let axes = self.layout.axes();
             let free = |axis: usize, size: usize| matches!(&dims[axis], Dim::Free(_)) || dims[axis] == Dim::Fixed(size);
             if dims.len() != 4 || !free(0, 1) || !free(axes[0], 3) {
-                return wrong(format!("its input \"{}\" takes no picture of three channels", self.input));
+                return wrong(format!("its input \"{}\" is not an image with three channels", self.input));
             }
-            // What the file fixes is fixed.
+            // A size fixed in the file takes precedence.
             if let (Dim::Fixed(height), Dim::Fixed(width)) = (&dims[axes[1]], &dims[axes[2]]) {
                 let (width, height) = (*width, *height);
                 self.size = match self.size {
@@ -189,14 +190,14 @@ impl Recipe {
         }
         let given = |name: &str| name == self.input || self.integers.iter().any(|(known, _)| known == name);
         if let Some(open) = graph.inputs.iter().find(|info| !given(&info.name)) {
-            return wrong(format!("nothing is said of its input \"{}\"", crate::error::short(&open.name)));
+            return wrong(format!("there is no value for the input \"{}\"", crate::error::short(&open.name)));
         }
         self.size.check()?;
         Ok(self)
     }
 }
 
-/// The families that nothing needs to be said about.
+/// The recipe of a known family.
 fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
     let input = |name: &str| {
         graph.inputs.iter().any(|info| info.name == name && info.dims.as_ref().is_none_or(|dims| dims.len() == 4))
@@ -238,7 +239,7 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
         });
     }
     let metric3d = |picture: &str, depth: String, normals: Option<String>, kappa: Option<String>| {
-        // Some exporters put the normalisation into the graph.
+        // Some exporters include the normalisation in the graph.
         let inside = normalises(graph, picture);
         Recipe {
             family: "Metric3D v2".to_owned(),
@@ -264,8 +265,8 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
         return Some(metric3d("image", depth, None, None));
     }
     let alone = graph.inputs.len() == 1 && graph.outputs.len() == 1;
-    // Names of `transformers`, and those that the project's own code is exported with. Other networks of these names (DPT, ZoeDepth, Depth Pro) have patches
-    // of other sizes; of quantised ones it is not seen.
+    // Names used by `transformers`, and by exports of the publisher's code. Other networks with these names (DPT,
+    // ZoeDepth, Depth Pro) have patches of other sizes. In quantised networks the size is not visible.
     let patches = patches_of_14(graph);
     for (picture, depth, known) in
         [("pixel_values", "predicted_depth", patches != Some(false)), ("image", "depth", patches == Some(true))]
@@ -294,7 +295,7 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
     None
 }
 
-/// Operators from an output back, each time along the first input.
+/// Operators from an output backwards, along the first inputs.
 fn backwards<'a>(graph: &'a Graph, output: &'a str) -> impl Iterator<Item = &'a str> {
     let mut at = output;
     let mut left = LOOKED_AT;
@@ -306,14 +307,14 @@ fn backwards<'a>(graph: &'a Graph, output: &'a str) -> impl Iterator<Item = &'a 
     })
 }
 
-/// Whether the first convolution takes patches of 14 × 14 pixels; `None` where there is none whose weights are seen.
+/// Whether the first convolution has patches of 14 × 14 pixels; `None` if its weights are not found.
 fn patches_of_14(graph: &Graph) -> Option<bool> {
     let first = graph.nodes.iter().find(|node| node.op == "Conv")?;
     let tensor = graph.initializers.iter().find(|tensor| Some(&tensor.name) == first.inputs.get(1))?;
     Some(tensor.dims.ends_with(&[3, 14, 14]))
 }
 
-/// Whether a graph subtracts the mean of 0–255 itself, before anything is convolved.
+/// Whether a graph subtracts Metric3D's mean itself, before the first convolution.
 fn normalises(graph: &Graph, input: &str) -> bool {
     let mut derived: HashSet<&str> = HashSet::from([input]);
     for node in graph.nodes.iter().take(LOOKED_AT).take_while(|node| node.op != "Conv") {
@@ -332,7 +333,7 @@ fn normalises(graph: &Graph, input: &str) -> bool {
 fn is_mean(tensor: &Tensor) -> bool {
     let Data::Bytes(bytes) = &tensor.data else { return false };
     let values = bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes).abs());
-    // Half precision has steps of 1/16 there.
+    // Half precision has steps of 1/16 at these values.
     tensor.element == Element::F32
         && bytes.len() == 12
         && values.zip(metric3d::MEAN).all(|(value, mean)| (value - mean).abs() < 0.1)
