@@ -62,6 +62,7 @@ impl MeshBvh {
     ///
     /// `direction` must be finite and not zero.
     #[inline]
+    #[allow(unsafe_code)]
     pub(crate) fn crossings(
         &self,
         origin: Vec3,

@@ -22,7 +22,7 @@ use crate::{FieldOfView, Geometry, Kind, ModelConfig, ModelError, Prediction, de
 const MAX_FILE_BYTES: u64 = 1 << 31;
 
 /// Smallest share of finite values in a valid output.
-const MIN_NUMBERS: f64 = 0.1;
+const MIN_FINITE: f64 = 0.1;
 
 /// Largest log ratio between the aspects of an output and of the input. Coarse outputs are rounded to whole pixels.
 const MAX_ASPECT: f64 = 0.1;
@@ -367,7 +367,7 @@ impl Outputs {
         }
         let whole = self.letterbox.map(|letterbox| letterbox.cropped(&image)).unwrap_or(image);
         let finite = whole.pixels().iter().filter(|value| is_finite(value)).count();
-        if (finite as f64) < MIN_NUMBERS * whole.pixels().len() as f64 || finite == 0 {
+        if (finite as f64) < MIN_FINITE * whole.pixels().len() as f64 || finite == 0 {
             let why =
                 format!("{} of its {} pixels are not finite", whole.pixels().len() - finite, whole.pixels().len());
             return Err(ModelError::Output { output: short(name), why });

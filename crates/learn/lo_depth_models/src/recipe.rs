@@ -238,12 +238,12 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
             ..plain
         });
     }
-    let metric3d = |picture: &str, depth: String, normals: Option<String>, kappa: Option<String>| {
+    let metric3d = |image: &str, depth: String, normals: Option<String>, kappa: Option<String>| {
         // Some exporters include the normalisation in the graph.
-        let inside = normalises(graph, picture);
+        let inside = normalises(graph, image);
         Recipe {
             family: "Metric3D v2".to_owned(),
-            input: picture.to_owned(),
+            input: image.to_owned(),
             white: 255.0,
             mean: if inside { [0.0; 3] } else { metric3d::MEAN },
             deviation: if inside { [1.0; 3] } else { metric3d::DEVIATION },
@@ -268,10 +268,10 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
     // Names used by `transformers`, and by exports of the publisher's code. Other networks with these names (DPT,
     // ZoeDepth, Depth Pro) have patches of other sizes. In quantised networks the size is not visible.
     let patches = patches_of_14(graph);
-    for (picture, depth, known) in
+    for (image, depth, known) in
         [("pixel_values", "predicted_depth", patches != Some(false)), ("image", "depth", patches == Some(true))]
     {
-        let (true, true, Some(depth)) = (alone && known, input(picture), output(depth)) else { continue };
+        let (true, true, Some(depth)) = (alone && known, input(image), output(depth)) else { continue };
         let kind = depth_anything::kind(backwards(graph, &depth)).or_else(|| {
             let name = file_name.to_ascii_lowercase();
             let metric = ["metric", "indoor", "outdoor"].iter().any(|word| name.contains(word));
@@ -284,7 +284,7 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
         };
         return Some(Recipe {
             family: name.to_owned(),
-            input: picture.to_owned(),
+            input: image.to_owned(),
             mean: depth_anything::MEAN,
             deviation: depth_anything::DEVIATION,
             kind,

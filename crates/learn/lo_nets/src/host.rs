@@ -86,6 +86,7 @@ pub fn ternary<K: Kernel>(x: Tensor<2>, y: Tensor<2>, z: Tensor<2>, kernel: K) -
 }
 
 /// Zeros, written by all threads: of large outputs that is what the first touch costs, and one thread alone would make the others wait.
+#[expect(unsafe_code)]
 pub(crate) fn zeros<T: Copy + Default + Send>(count: usize) -> Vec<T> {
     const CHUNK: usize = 1 << 16;
     let mut out = Vec::with_capacity(count);

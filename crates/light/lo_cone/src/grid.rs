@@ -135,6 +135,7 @@ impl Grid {
 
     /// What the leaf cell `leaf`, inside of the cube, belongs to at `level`, which is not below that of the finest dense grid.
     #[inline(always)]
+    #[expect(unsafe_code)]
     pub fn dense_cell(&self, leaf: [i32; 3], level: i32) -> Entry {
         let side = self.side();
         debug_assert!(
@@ -149,6 +150,7 @@ impl Grid {
 
     /// From an occupied entry of the level above to that of its child at `level`.
     #[inline(always)]
+    #[expect(unsafe_code)]
     pub fn child(&self, entry: Entry, leaf: [i32; 3], level: i32) -> Entry {
         debug_assert!((0..self.children.len() as i32).contains(&entry.0));
         // SAFETY: entries above the leaves are rows of `children`, and an octant is below 8.

@@ -127,6 +127,7 @@ impl StepTable {
 
     /// A step not behind the first one at or beyond `distance`, and with the floored rule this itself.
     #[inline(always)]
+    #[expect(unsafe_code)]
     pub fn about_first_at(&self, distance: f32) -> i32 {
         // SAFETY: `bin` gives an index of `bins`.
         let step = unsafe { *self.bins.get_unchecked(self.bin(distance)) };
@@ -135,6 +136,7 @@ impl StepTable {
 
     /// Distance and level of a step, or of the one behind the last.
     #[inline(always)]
+    #[expect(unsafe_code)]
     pub fn waypoint(&self, step: i32) -> Waypoint {
         debug_assert!((0..self.waypoints.len() as i32).contains(&step));
         // SAFETY: all steps that this type hands out are at most the number of steps, and there is one waypoint more than that;
@@ -144,6 +146,7 @@ impl StepTable {
 
     /// First step whose level is above `level`.
     #[inline(always)]
+    #[expect(unsafe_code)]
     pub fn level_end(&self, level: i32) -> i32 {
         debug_assert!((0..self.level_ends.len() as i32).contains(&level));
         // SAFETY: no octree is deeper, so no level is higher.
@@ -151,6 +154,7 @@ impl StepTable {
     }
 
     #[inline(always)]
+    #[expect(unsafe_code)]
     fn bin(&self, distance: f32) -> usize {
         let bin = (distance - self.near) * self.bins_per_edge;
         let bin = bin.max(0.0).min((self.bins.len() - 1) as f32);

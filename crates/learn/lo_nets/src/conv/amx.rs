@@ -53,6 +53,7 @@ impl Product<'_> {
     ///
     /// # Panics
     /// Where a step leaves the numbers.
+    #[allow(unsafe_code)]
     pub fn block(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         let Some(last) = self.offsets.iter().max() else {
             *out = [[0.0; BLOCK]; BLOCK];
@@ -92,6 +93,7 @@ impl Product<'_> {
     /// # Safety
     /// [`available`], at least one step, and no step may leave the numbers.
     #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+    #[allow(unsafe_code)]
     unsafe fn block_by_tiles(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         let [a, b] = self.halves.map(|start| self.left[start..].as_ptr());
         // SAFETY: what is read lies in the slices by this function's contract, what is written in `out`. Tiles are set up, used and released here.
@@ -172,6 +174,7 @@ fn detect() -> bool {
 }
 
 #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+#[allow(unsafe_code)]
 fn detect() -> bool {
     use std::arch::x86_64::{__cpuid, __cpuid_count};
     // AMX-BF16 and AMX-TILE.
