@@ -113,7 +113,7 @@ fn comments(text: &str) -> anyhow::Result<Vec<Block>> {
     token_ranges(stream, text, &mut code);
     let mut blocks: Vec<Block> = Vec::new();
     let mut at = 0;
-    for range in code.into_iter().chain([text.len()..text.len()]) {
+    for range in code.into_iter().chain(std::iter::once(text.len()..text.len())) {
         if at < range.start {
             let first_line = 1 + text[..at].matches('\n').count();
             append(&mut blocks, &text[at..range.start], first_line);

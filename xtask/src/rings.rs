@@ -1,7 +1,7 @@
 //! Files of a crate that use each other in a ring.
 //!
 //! A file uses another where it names one of its items by a path: `crate::a::Item`, `super::Item`, `child::function()`.
-//! Re-exports are followed to the file that defines the item, and are no use themselves. Tests do not count. Method
+//! Re-exports are followed to the file that defines the item, and do not count themselves. Nor do tests. Method
 //! calls, traits in scope and what macros expand to are not seen.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -154,7 +154,7 @@ impl Modules {
                             let end = (at..tokens.len()).find(|&end| is_punct(tokens.get(end), ';'));
                             let end = end.unwrap_or(tokens.len());
                             let module = self.0.entry(path.clone()).or_default();
-                            module.add_use(&tokens[at + 1..end], &[], path, is_public(&tokens[..at]));
+                            module.add_use(&tokens[at + 1..end], &[], is_public(&tokens[..at]));
                             at = end + 1;
                         }
                         ("enum", Some(TokenTree::Ident(name)), _) => {
@@ -221,7 +221,7 @@ impl Modules {
         }
         let first = rest.first()?;
         let own = self.0.get(module)?;
-        let child = [&module[..], &[first.clone()]].concat();
+        let child = [&module[..], std::slice::from_ref(first)].concat();
         (own.imports.contains_key(first) || self.0.contains_key(&child)).then(|| [&module[..], rest].concat())
     }
 
@@ -233,7 +233,7 @@ impl Modules {
         let mut at = Vec::new();
         for (index, name) in path.iter().enumerate() {
             let module = self.0.get(&at)?;
-            let child = [&at[..], &[name.clone()]].concat();
+            let child = [&at[..], std::slice::from_ref(name)].concat();
             let (is_last, is_module) = (index + 1 == path.len(), self.0.contains_key(&child));
             if let (Some(import), true) = (module.imports.get(name), is_last || !is_module) {
                 let absolute = self.absolute_import(&at, name, import)?;
@@ -291,7 +291,7 @@ impl Module {
     }
 
     /// Adds what `use` brings: a tree of names after `before`.
-    fn add_use(&mut self, tree: &[TokenTree], before: &[String], module: &Segments, is_public: bool) {
+    fn add_use(&mut self, tree: &[TokenTree], before: &[String], is_public: bool) {
         for branch in tree.split(|token| is_punct(Some(token), ',')) {
             let mut segments = before.to_vec();
             let mut alias = None;
@@ -306,7 +306,7 @@ impl Module {
                     TokenTree::Ident(word) => segments.push(word.to_string()),
                     TokenTree::Group(group) if group.delimiter() == Delimiter::Brace => {
                         let inner: Vec<_> = group.stream().into_iter().collect();
-                        self.add_use(&inner, &segments, module, is_public);
+                        self.add_use(&inner, &segments, is_public);
                         segments.clear();
                         break;
                     }
