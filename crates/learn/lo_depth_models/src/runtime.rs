@@ -199,7 +199,7 @@ fn on_deep_stack<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T, ModelErr
         let thread = builder
             .spawn_scoped(scope, || catching_panics(work))
             .map_err(|error| ModelError::Run(error.to_string()))?;
-        thread.join().unwrap_or_else(|_| Err(ModelError::Run("rten panicked".to_owned())))
+        thread.join().unwrap_or_else(|_| Err(ModelError::Run("internal error in rten".to_owned())))
     })
 }
 
@@ -211,7 +211,7 @@ fn catching_panics<T>(work: impl FnOnce() -> T) -> Result<T, ModelError> {
             .downcast_ref::<String>()
             .cloned()
             .or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
-        ModelError::Run(format!("rten panicked: {}", one_line(&text.unwrap_or_default())))
+        ModelError::Run(format!("internal error in rten: {}", one_line(&text.unwrap_or_default())))
     })
 }
 
