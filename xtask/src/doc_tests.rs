@@ -1,28 +1,32 @@
-//! Code in documentation is compiled where there is some, and rustdoc is not started where there is none: `doctest = false` in `[lib]`.
+//! `doctest = false` in `[lib]` exactly where documentation has no code: rustdoc takes a second for each crate.
 
-use crate::house::{House, Target};
+use crate::workspace::{Target, Workspace};
 
-/// What a block's opening may say besides nothing, for it to be compiled.
+/// Words of a code block's opening with which rustdoc compiles it; it does so without any, too.
 const COMPILED: [&str; 4] = ["rust", "no_run", "should_panic", "compile_fail"];
 
-/// Libraries whose `doctest` says otherwise than their sources.
-pub fn faults(house: &House) -> anyhow::Result<Vec<String>> {
-    let texts = house.texts()?;
-    let mut faults = Vec::new();
-    for package in &house.packages {
+/// Libraries whose `doctest` contradicts their sources.
+pub fn problems(workspace: &Workspace) -> anyhow::Result<Vec<String>> {
+    let texts = workspace.texts()?;
+    let mut problems = Vec::new();
+    for package in &workspace.packages {
         let is_library = |target: &&Target| target.kind.iter().any(|kind| kind == "lib");
         let Some(library) = package.targets.iter().find(is_library) else { continue };
         let sources = format!("{}/src/", package.folder);
         match texts.iter().find(|(path, text)| path.starts_with(&sources) && has_code(text)) {
-            Some((path, _)) if !library.doctest => faults.push(format!("{path}: `doctest = false` hides its code")),
-            None if library.doctest => faults.push(format!("{} wants `doctest = false`", package.folder)),
+            Some((path, _)) if !library.doctest => {
+                problems.push(format!("{path}: its code is not compiled because of `doctest = false`"))
+            }
+            None if library.doctest => {
+                problems.push(format!("{}: add `doctest = false`, as no documentation has code", package.folder))
+            }
             _ => {}
         }
     }
-    Ok(faults)
+    Ok(problems)
 }
 
-/// Whether documentation comments open a block that rustdoc compiles.
+/// Whether a doc comment opens a block that rustdoc compiles.
 fn has_code(text: &str) -> bool {
     let lines = text.lines().filter_map(|line| {
         let line = line.trim_start();

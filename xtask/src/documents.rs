@@ -1,59 +1,60 @@
-//! What the documents name: links, files of the house and cargo's commands. (The program's own commands are checked where its options are
-//! known: `apps/lightoctree-lab/tests`.)
+//! Links, files and cargo targets that documents and comments name.
+//!
+//! Commands of the programs are checked in `apps/lightoctree-lab/tests`, where their options are defined.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::house::{House, Package};
+use crate::workspace::{Package, Workspace};
 
-/// Links that lead nowhere; files and cargo targets that are named, in documents and in comments, but do not exist.
-pub fn faults(house: &House) -> anyhow::Result<Vec<String>> {
-    let texts = house.texts()?;
+/// Broken links in documents; files and cargo targets that documents or comments name but that do not exist.
+pub fn problems(workspace: &Workspace) -> anyhow::Result<Vec<String>> {
+    let texts = workspace.texts()?;
     let documents: BTreeMap<_, _> = texts.iter().filter(|(path, _)| path.ends_with(".md")).collect();
-    let mut faults = Vec::new();
+    let mut problems = Vec::new();
     for (&path, text) in &documents {
-        faults.extend(dead_links(path, text, &house.root, &documents));
+        problems.extend(dead_links(path, text, &workspace.root, &documents));
     }
     for (path, text) in &texts {
         let is_code = path.ends_with(".rs");
-        // Another workspace, with packages of its own.
+        // A workspace of its own.
         let is_fuzz = path.starts_with("fuzz/");
-        for (index, line) in text.lines().enumerate().filter(|(_, line)| !is_code || is_said(line)) {
-            let mut missing = missing_files(line, &house.root);
+        for (index, line) in text.lines().enumerate().filter(|(_, line)| !is_code || is_prose(line)) {
+            let mut missing = missing_files(line, &workspace.root);
             if !is_fuzz {
-                missing.extend(missing_targets(line, &house.packages));
+                missing.extend(missing_targets(line, &workspace.packages));
             }
-            faults.extend(missing.iter().map(|missing| format!("{path}:{}: there is no {missing}", index + 1)));
+            problems.extend(missing.iter().map(|missing| format!("{path}:{}: there is no {missing}", index + 1)));
         }
     }
-    Ok(faults)
+    Ok(problems)
 }
 
-/// Whether a line of code is for people.
-fn is_said(line: &str) -> bool {
+/// Whether a line of code is a comment or the reason of an ignored test.
+fn is_prose(line: &str) -> bool {
     ["//", "#[ignore"].iter().any(|start| line.trim_start().starts_with(start))
 }
 
-/// Relative links and pictures of a document without their file, and links to headings that are not there.
+/// Relative links and images of a document whose file or heading does not exist.
 fn dead_links(path: &str, text: &str, root: &Path, documents: &BTreeMap<&String, &String>) -> Vec<String> {
     let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder);
-    let mut faults = Vec::new();
+    let mut problems = Vec::new();
     for (number, line) in prose(text) {
         for link in links(line).filter(|link| !link.contains("://") && !link.starts_with("mailto:")) {
             let (file, heading) = link.split_once('#').unwrap_or((link, ""));
             let target = if file.is_empty() { Some(path.to_owned()) } else { normal(&format!("{folder}/{file}")) };
             let Some(target) = target.filter(|target| root.join(target).exists()) else {
-                faults.push(format!("{path}:{number}: there is no {link}"));
+                problems.push(format!("{path}:{number}: there is no {link}"));
                 continue;
             };
             let is_dead =
                 |text: &String| !prose(text).any(|(_, line)| anchor(line).is_some_and(|anchor| anchor == heading));
             if !heading.is_empty() && documents.get(&target).is_none_or(|text| is_dead(text)) {
-                faults.push(format!("{path}:{number}: {target} has no heading #{heading}"));
+                problems.push(format!("{path}:{number}: {target} has no heading #{heading}"));
             }
         }
     }
-    faults
+    problems
 }
 
 /// Lines outside of code blocks, with their numbers.
@@ -74,7 +75,7 @@ fn links(line: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// A path without `.` and `..`; `None` where it leads out of the checkout.
+/// A path without `.` and `..`; `None` if it leads out of the checkout.
 fn normal(path: &str) -> Option<String> {
     let mut parts = Vec::new();
     for part in path.split('/') {
@@ -87,28 +88,28 @@ fn normal(path: &str) -> Option<String> {
     Some(parts.join("/"))
 }
 
-/// What GitHub calls a heading in links.
+/// GitHub's anchor of a heading.
 fn anchor(line: &str) -> Option<String> {
     let text = line.strip_prefix('#')?.trim_start_matches('#').strip_prefix(' ')?.trim().to_lowercase();
     let kept = text.chars().filter(|&c| c.is_alphanumeric() || "-_ ".contains(c));
     Some(kept.map(|c| if c == ' ' { '-' } else { c }).collect())
 }
 
-/// Folders at the checkout's top whose files are named by their whole path.
+/// Top-level folders whose files are named by their whole path.
 const FOLDERS: [&str; 6] = ["crates/", "apps/", "docs/", "configs/", "fuzz/", "xtask/"];
 
-/// Files of the house that a line names but that are not there.
+/// Files of the checkout that a line names but that do not exist.
 fn missing_files(line: &str, root: &Path) -> Vec<String> {
     let words = line.split(|c: char| !(c.is_alphanumeric() || "/._-*…{".contains(c)));
     let files = words.filter(|word| FOLDERS.iter().any(|folder| word.starts_with(folder)));
-    // Patterns stand for many files, words in capitals for any.
+    // Patterns and placeholders in capitals.
     let is_any =
         |part: &str| part.contains(['*', '…', '{']) || part.len() > 1 && part.chars().all(|c| c.is_ascii_uppercase());
     let files = files.map(|word| word.trim_end_matches(['.', '/', '-'])).filter(|file| !file.split('/').any(is_any));
     files.filter(|file| !root.join(file).exists()).map(str::to_owned).collect()
 }
 
-/// Packages, tests, benches and examples that a line asks cargo for but that are not there.
+/// Packages, tests, benches and examples of cargo commands in a line that do not exist.
 fn missing_targets(line: &str, packages: &[Package]) -> Vec<String> {
     let commands = line.split("cargo ").skip(1);
     commands
@@ -145,7 +146,7 @@ fn missing_in_command(command: &str, packages: &[Package]) -> Vec<String> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::house::Target;
+    use crate::workspace::Target;
 
     #[test]
     fn links_lead_to_files_and_headings() {
@@ -153,16 +154,16 @@ mod tests {
         let other = "# Where things go\n\n## `code`: a *look*\n".to_owned();
         let name = "CONTRIBUTING.md".to_owned();
         let documents = BTreeMap::from([(&name, &other)]);
-        let faults = |text: &str| dead_links("docs/here.md", text, folder, &documents);
-        assert_eq!(faults("[a](../README.md), [b](https://nowhere/x.md), ![c](images/rooms.jpg \"title\")"), [""; 0]);
-        assert_eq!(faults("[a](../CONTRIBUTING.md#where-things-go) [b](../CONTRIBUTING.md#code-a-look)"), [""; 0]);
-        assert_eq!(faults("\n[a](README.md)"), ["docs/here.md:2: there is no README.md"]);
-        assert_eq!(faults("<img src=\"images/none.jpg\">"), ["docs/here.md:1: there is no images/none.jpg"]);
-        assert_eq!(faults("[a]: ../none.md"), ["docs/here.md:1: there is no ../none.md"]);
-        assert_eq!(faults("[a](../../main/README.md)").len(), 1, "outside of the checkout");
-        assert_eq!(faults("```md\n[a](none.md)\n```\n[b](none.md)").len(), 1, "not in code");
+        let problems = |text: &str| dead_links("docs/here.md", text, folder, &documents);
+        assert_eq!(problems("[a](../README.md), [b](https://nowhere/x.md), ![c](images/rooms.jpg \"title\")"), [""; 0]);
+        assert_eq!(problems("[a](../CONTRIBUTING.md#where-things-go) [b](../CONTRIBUTING.md#code-a-look)"), [""; 0]);
+        assert_eq!(problems("\n[a](README.md)"), ["docs/here.md:2: there is no README.md"]);
+        assert_eq!(problems("<img src=\"images/none.jpg\">"), ["docs/here.md:1: there is no images/none.jpg"]);
+        assert_eq!(problems("[a]: ../none.md"), ["docs/here.md:1: there is no ../none.md"]);
+        assert_eq!(problems("[a](../../main/README.md)").len(), 1, "outside of the checkout");
+        assert_eq!(problems("```md\n[a](none.md)\n```\n[b](none.md)").len(), 1, "not in code");
         let dead = "docs/here.md:1: CONTRIBUTING.md has no heading #where";
-        assert_eq!(faults("[a](../CONTRIBUTING.md#where)"), [dead]);
+        assert_eq!(problems("[a](../CONTRIBUTING.md#where)"), [dead]);
     }
 
     #[test]
@@ -170,7 +171,7 @@ mod tests {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
         let missing = |line: &str| missing_files(line, root);
         assert_eq!(
-            missing("`xtask/src/house.rs`, docs/images/rooms.jpg. crates/base/, fuzz/corpus/TARGET, crates/*/lo_*"),
+            missing("`xtask/src/workspace.rs`, docs/images/rooms.jpg. crates/base/, fuzz/corpus/TARGET, crates/*/lo_*"),
             [""; 0]
         );
         assert_eq!(missing("see `crates/base/lo_none/src`."), ["crates/base/lo_none/src"]);
@@ -180,7 +181,7 @@ mod tests {
     #[test]
     fn named_targets_exist() {
         let target =
-            |name: &str, kind: &str| Target { name: name.to_owned(), kind: vec![kind.to_owned()], doctest: false };
+            |name: &str, kind: &str| Target { name: name.to_owned(), kind: vec![kind.to_owned()], ..Target::default() };
         let package = |name: &str, targets| Package { name: name.to_owned(), targets, ..Package::default() };
         let packages = [package("one", vec![target("it", "test"), target("speed", "bench")]), package("two", vec![])];
         let missing = |line: &str| missing_targets(line, &packages);

@@ -1,33 +1,34 @@
-//! Features of what burn is built on: the same for the program, for the lab and for each crate alone, so that neither `cargo bench -p lo_nets` nor
-//! building the lab compiles a dependency anew (`crates/base/lo_features`).
+//! Features of burn's dependencies: the same for the program, for the lab and for each crate alone.
+//!
+//! Otherwise `cargo bench -p lo_nets` or a build of the lab would compile them again (`crates/base/lo_features`).
 
 use std::collections::BTreeMap;
 
-use crate::house::{self, House};
+use crate::workspace::{self, Package, Workspace};
 
-/// The crate whose dev-dependencies bring the program's features to others.
+/// The crate that gives others the program's features as a dev-dependency.
 const FEATURES: &str = "lo_features";
 const PROGRAM: &str = "lightoctree-cli";
 const LAB: &str = "lightoctree-lab";
-/// What takes minutes to compile.
+/// The dependency that takes minutes to compile.
 const COSTLY: &str = "burn";
 
-/// Dependencies of burn whose features differ, by crate.
-pub fn faults(house: &House) -> anyhow::Result<Vec<String>> {
+/// Dependencies of burn whose features differ from the program's, by crate.
+pub fn problems(workspace: &Workspace) -> anyhow::Result<Vec<String>> {
     let tree = |package: &str, edges: &str| -> anyhow::Result<String> {
         let args = ["tree", "--offline", "--locked", "--prefix", "none", "--format", "{p}|{f}|", "--edges", edges];
-        house::cargo(&house.root, &[&args[..], &["--package", package]].concat())
+        workspace::cargo(&workspace.root, &[&args[..], &["--package", package]].concat())
     };
     let below = tree(COSTLY, "normal,build")?;
     let program = tree(PROGRAM, "normal,build")?;
-    let mut faults = Vec::new();
-    let is_compared = |package: &&house::Package| package.name == LAB || package.knows_in_tests.contains(FEATURES);
-    for package in house.packages.iter().filter(is_compared) {
+    let mut problems = Vec::new();
+    let is_compared = |package: &&Package| package.name == LAB || package.dev_dependencies.contains(FEATURES);
+    for package in workspace.packages.iter().filter(is_compared) {
         let edges = if package.name == LAB { "normal,build" } else { "normal,build,dev" };
         let own = tree(&package.name, edges)?;
-        faults.extend(differences(&package.name, &features(&below), &features(&program), &features(&own)));
+        problems.extend(differences(&package.name, &features(&below), &features(&program), &features(&own)));
     }
-    Ok(faults)
+    Ok(problems)
 }
 
 /// Package with its version → features, from lines `NAME VERSION (WHERE)|FEATURE,FEATURE| (*)`.
@@ -56,16 +57,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_burn_stands_on_has_the_features_of_the_program() {
+    fn dependencies_of_burn_have_the_features_of_the_program() {
         let program =
             features("burn v1.0.0|std|\nserde v1.0.0|derive,std|\nserde v1.0.0|derive,std| (*)\nclap v4.0.0|std|\n");
         let own = features("burn v1.0.0|std|\nserde v1.0.0|std|\nclap v4.0.0||\nproptest v1.0.0|std|\n");
         let below = features("burn v1.0.0|std|\nserde v1.0.0||\n");
-        let faults = differences("nets", &below, &program, &own);
+        let problems = differences("nets", &below, &program, &own);
         assert_eq!(
-            faults,
+            problems,
             ["serde v1.0.0 has [derive,std] in the program and [std] in `-p nets`: see lo_features"],
-            "clap is none of burn's"
+            "burn does not depend on clap"
         );
         assert!(differences("nets", &below, &program, &program).is_empty());
     }

@@ -1,25 +1,25 @@
-//! Tests that take minutes or need what a machine may lack: found by their `#[ignore = "reason"]`, run by name.
+//! Tests that take minutes or need what a machine may lack: those with `#[ignore = "reason"]`, run by name.
 
 use std::process::Command;
 
 use anyhow::{Context, ensure};
 
-use crate::house::House;
+use crate::workspace::Workspace;
 
-/// Lists all of them, or runs those whose names contain a word; says whether all passed.
-pub fn run(house: &House, name: Option<&str>) -> anyhow::Result<bool> {
-    let tests = tests(house)?;
+/// Lists all of them, or runs those whose names contain `name`. Returns whether all passed.
+pub fn run(workspace: &Workspace, name: Option<&str>) -> anyhow::Result<bool> {
+    let tests = tests(workspace)?;
     let Some(name) = name else {
         tests.iter().for_each(|test| println!("{:16} {}\n{:16} {}", test.package, test.name, "", test.reason));
-        println!("\ncargo xtask long NAME runs one, or all whose names contain NAME");
+        println!("\ncargo xtask long NAME runs those whose names contain NAME");
         return Ok(true);
     };
     let chosen: Vec<_> = tests.iter().filter(|test| test.name.contains(name)).collect();
-    ensure!(!chosen.is_empty(), "no ignored test is called {name}; cargo xtask long lists them");
+    ensure!(!chosen.is_empty(), "no ignored test has {name} in its name; cargo xtask long lists them");
     let mut passed = true;
     for test in chosen {
         let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-        cargo.current_dir(&house.root).args(["test", "--release", "--lib", "--tests", "-p", &test.package]);
+        cargo.current_dir(&workspace.root).args(["test", "--release", "--lib", "--tests", "-p", &test.package]);
         let status = cargo.args([&test.name, "--", "--ignored", "--nocapture"]).status().context("cannot run cargo")?;
         passed &= status.success();
     }
@@ -33,10 +33,10 @@ struct Test {
     reason: String,
 }
 
-fn tests(house: &House) -> anyhow::Result<Vec<Test>> {
+fn tests(workspace: &Workspace) -> anyhow::Result<Vec<Test>> {
     let mut tests = Vec::new();
-    for (path, text) in house.texts()? {
-        let package = house.packages.iter().find(|package| path.starts_with(&format!("{}/", package.folder)));
+    for (path, text) in workspace.texts()? {
+        let package = workspace.packages.iter().find(|package| path.starts_with(&format!("{}/", package.folder)));
         if let Some(package) = package.filter(|_| path.ends_with(".rs")) {
             tests.extend(in_source(&package.name, &text));
         }

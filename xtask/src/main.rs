@@ -1,37 +1,56 @@
-//! `cargo xtask` makes the checks of the house that no compiler makes; `cargo test -p xtask` makes them too.
-//! `cargo xtask long [NAME]` lists or runs the ignored tests.
+//! Checks of the workspace that no compiler makes, and its long tests.
+//!
+//! `cargo xtask` runs every enforced check, and so does `cargo test -p xtask`. `cargo xtask NAME` runs one check,
+//! enforced or not. `cargo xtask long [NAME]` lists or runs the ignored tests.
 
-mod arrows;
+mod deny;
+mod dependencies;
 mod doc_tests;
 mod documents;
 mod features;
-mod house;
-mod licences;
 mod long;
+mod prose;
+mod rings;
+mod width;
+mod words;
+mod workspace;
 
 use std::process::ExitCode;
 
-use house::House;
+use workspace::Workspace;
 
-/// A check's name, and what it finds wrong in the house.
-type Check = (&'static str, fn(&House) -> anyhow::Result<Vec<String>>);
+struct Check {
+    name: &'static str,
+    problems: fn(&Workspace) -> anyhow::Result<Vec<String>>,
+    /// Whether `cargo xtask` without a name and the test suite run it.
+    is_enforced: bool,
+}
 
-const CHECKS: [Check; 5] = [
-    ("arrows", arrows::faults),
-    ("doc tests", doc_tests::faults),
-    ("documents", documents::faults),
-    ("licences", licences::faults),
-    ("features", features::faults),
+const CHECKS: [Check; 8] = [
+    Check { name: "dependencies", problems: dependencies::problems, is_enforced: true },
+    Check { name: "doc-tests", problems: doc_tests::problems, is_enforced: true },
+    Check { name: "documents", problems: documents::problems, is_enforced: true },
+    Check { name: "deny", problems: deny::problems, is_enforced: true },
+    Check { name: "features", problems: features::problems, is_enforced: true },
+    Check { name: "words", problems: words::problems, is_enforced: false },
+    Check { name: "width", problems: width::problems, is_enforced: false },
+    Check { name: "rings", problems: rings::problems, is_enforced: false },
 ];
 
 fn main() -> anyhow::Result<ExitCode> {
-    let house = House::read()?;
+    let workspace = Workspace::read()?;
     let args: Vec<_> = std::env::args().skip(1).collect();
     match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        [] => check(&house),
-        ["long"] => long::run(&house, None).map(code),
-        ["long", name] => long::run(&house, Some(name)).map(code),
-        _ => anyhow::bail!("cargo xtask | cargo xtask long [NAME]"),
+        [] => run(&workspace, CHECKS.iter().filter(|check| check.is_enforced)),
+        ["long"] => long::run(&workspace, None).map(code),
+        ["long", name] => long::run(&workspace, Some(name)).map(code),
+        [name] if CHECKS.iter().any(|check| check.name == name) => {
+            run(&workspace, CHECKS.iter().filter(|check| check.name == name))
+        }
+        _ => {
+            let names: Vec<_> = CHECKS.iter().map(|check| check.name).collect();
+            anyhow::bail!("usage: cargo xtask [{}] | cargo xtask long [NAME]", names.join("|"))
+        }
     }
 }
 
@@ -39,15 +58,18 @@ fn code(passed: bool) -> ExitCode {
     if passed { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-fn check(house: &House) -> anyhow::Result<ExitCode> {
-    let mut found = 0;
-    for (name, faults) in CHECKS {
-        for fault in faults(house)? {
-            eprintln!("{name}: {fault}");
-            found += 1;
+fn run<'a>(workspace: &Workspace, checks: impl Iterator<Item = &'a Check>) -> anyhow::Result<ExitCode> {
+    let mut count = 0;
+    for check in checks {
+        for problem in (check.problems)(workspace)? {
+            eprintln!("{}: {problem}", check.name);
+            count += 1;
         }
     }
-    Ok(code(found == 0))
+    if count > 0 {
+        eprintln!("problems: {count}");
+    }
+    Ok(code(count == 0))
 }
 
 #[cfg(test)]
@@ -56,12 +78,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_house_is_in_order() {
-        let house = House::read().unwrap();
-        let faults: Vec<_> = CHECKS
+    fn enforced_checks_pass() {
+        let workspace = Workspace::read().unwrap();
+        let problems: Vec<_> = CHECKS
             .iter()
-            .flat_map(|(name, faults)| faults(&house).unwrap().into_iter().map(move |fault| format!("{name}: {fault}")))
+            .filter(|check| check.is_enforced)
+            .flat_map(|check| {
+                let problems = (check.problems)(&workspace).unwrap();
+                problems.into_iter().map(|problem| format!("{}: {problem}", check.name))
+            })
             .collect();
-        assert!(faults.is_empty(), "\n{}\n", faults.join("\n"));
+        assert!(problems.is_empty(), "\n{}\n", problems.join("\n"));
     }
 }

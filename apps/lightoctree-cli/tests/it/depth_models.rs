@@ -101,7 +101,7 @@ fn models_of_no_use_end_in_a_clear_error() {
         assert!(unknown.contains(part), "{part} in {unknown}");
     }
     for (model, more, parts) in [
-        ("odd_all_nan.onnx", &metric[..], &["depth", "no numbers"][..]),
+        ("odd_all_nan.onnx", &metric[..], &["depth", "not finite"][..]),
         ("odd_lost_data.onnx", &[], &["odd_lost_data.bin"]),
         ("odd_operator.onnx", &metric, &["Imagine"]),
         ("odd_rank_of_output.onnx", &metric, &["predicted_depth"]),

@@ -63,6 +63,7 @@ impl MeshBvh {
     /// The order is roughly from near to far. `visit` returns the distance beyond which crossings may be skipped.
     /// `direction` must be finite and not zero.
     #[inline]
+    #[allow(unsafe_code)]
     pub(crate) fn crossings(
         &self,
         origin: Vec3,

@@ -1,6 +1,7 @@
-//! How long does a depth model take, and how much memory? `cargo run --release -p lo_depth_models --example time FILE WIDTHxHEIGHT [RUNS [THREADS]]`
+//! Time and memory of a depth model.
 //!
-//! `tests/fixtures/time_onnxruntime.py` is the same by onnxruntime.
+//! `cargo run --release -p lo_depth_models --example time FILE WIDTHxHEIGHT [RUNS [THREADS]]`; for onnxruntime,
+//! `tests/fixtures/time_onnxruntime.py` does the same.
 
 use std::error::Error;
 use std::time::Instant;
@@ -25,13 +26,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         let outputs = model.raw(&[1, 3, height, width], &image)?;
         let took = begun.elapsed().as_secs_f64();
         match run {
-            0 => println!("first run, with preparing: {took:.2} s, first value {}", outputs[0].2[0]),
+            0 => println!("first run, with planning: {took:.2} s, first value {}", outputs[0].2[0]),
             _ => times.push(took),
         }
     }
     times.sort_by(f64::total_cmp);
     println!(
-        "{size}, {threads} threads: {:.3} s at best, {:.3} s in the middle of {runs}",
+        "{size}, {threads} threads: {:.3} s minimum, {:.3} s median of {runs} runs",
         times[0],
         times[times.len() / 2]
     );

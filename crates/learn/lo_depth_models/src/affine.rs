@@ -1,67 +1,67 @@
-//! Relative depth to metres: a robust fit to other depth of the same photo.
+//! Relative depth to metres: a robust fit to metric depth of the same photo.
 //!
-//! Networks of relative depth give an affine function of inverse depth, `1 / z = a · d + b` (Ranftl et al., "MiDaS", TPAMI 2020), or the logarithm of
-//! depth but for a summand. Both unknowns come from metric depth that may be coarse and partly wrong: errors count as ratios of depths, and no more than
-//! half of the pixels decides.
+//! Networks for relative depth predict an affine function of inverse depth, `1 / z = a · d + b` (Ranftl et al.,
+//! "MiDaS", TPAMI 2020), or the logarithm of depth up to an offset. The unknowns are fitted to metric depth that may be
+//! coarse and partly wrong: errors are ratios of depths, and up to half of the pixels may be outliers.
 
 use lo_imaging::{DepthMap, Image};
 
 use crate::robust::{median, most_agreed, tukey};
 
-/// Depths within this ratio of each other agree: the field's δ₁.
+/// Two depths agree if their ratio is at most this: the threshold of the metric δ₁.
 const AGREES: f64 = 1.25;
-/// Pixels that the fit is made from, along each side.
+/// Pixels sampled along each side.
 const SAMPLES: usize = 64;
-/// A fit to fewer pixels than these is none.
+/// Fewest pixels for a fit.
 const MIN_COUNT: usize = 64;
-/// A fit that fewer of the pixels agree with is none.
+/// Smallest share of agreeing pixels for a fit.
 const MIN_AGREE: f64 = 0.4;
-/// A fit must leave at most this share of the error of one depth for all.
+/// Largest error of a fit, as a share of the error of one constant depth.
 const MAX_ERROR_LEFT: f64 = 0.9;
 
-/// Metres from relative depth.
+/// Coefficients that convert relative depth to metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
-    /// `a` of `1 / z = a · d + b`, or 1 where `d` is the logarithm.
+    /// `a` of `1 / z = a · d + b`; 1 if `d` is the logarithm.
     pub a: f64,
-    /// `b`.
+    /// `b` of `1 / z = a · d + b` or of `ln z = d + b`.
     pub b: f64,
     /// Share of the pixels whose depths agree within a ratio of 1.25.
     pub agree: f64,
-    /// Median of the ratios of the depths, less one.
+    /// Median ratio of the depths, minus one.
     pub error: f64,
 }
 
-/// Why relative depth does not become metres.
+/// Errors of fitting relative depth to metric depth.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
-    /// Almost no pixel has both.
-    #[error("only {0} of the pixels that were looked at have both the model's depth and the own network's")]
+    /// Too few pixels have both depths.
+    #[error("only {0} of the sampled pixels have a depth from both the model and the built-in network")]
     TooFew(usize),
-    /// The model says the same everywhere.
-    #[error("the model gives the same number everywhere")]
+    /// The model's output is constant.
+    #[error("the model's output is the same at every pixel")]
     Constant,
-    /// What the model calls near is far.
-    #[error("what the model gives grows with distance, where inverse depth must fall")]
+    /// The model's output increases with distance.
+    #[error("the model's output increases with distance, but inverse depth must decrease")]
     Falls,
-    /// One depth for all pixels would be as near.
-    #[error("what the model gives tells no more of the own network's depth than that all is about as far")]
+    /// One constant depth would fit as well.
+    #[error("the model's depth fits the built-in network's no better than a constant depth")]
     Unrelated,
-    /// The depths have nothing to do with each other.
-    #[error("the model's depth does not fit to the own network's: {:.0} % of the pixels agree within a quarter", 100.0 * .agree)]
+    /// The depths do not agree.
+    #[error("the model's depth does not fit the built-in network's: {:.0} % of the pixels agree within 25 %", 100.0 * .agree)]
     Poor {
         /// Share of the pixels whose depths agree within a ratio of 1.25.
         agree: f64,
     },
 }
 
-/// Fits `1 / z = a · d + b` to `metric_m` (0: no reading), which may have another size and shows the same.
+/// Fits `1 / z = a · d + b` to `metric_m` (0: no reading). It shows the same view and may have another size.
 ///
 /// # Errors
-/// Too few readings, no relief in `inverse`, a negative `a`, a fit that explains nothing.
+/// Too few readings, a constant `inverse`, a negative `a`, a poor fit.
 pub fn fit_inverse(inverse: &Image<f32>, metric_m: &DepthMap) -> Result<Fit, FitError> {
     let samples = samples(inverse, metric_m)?;
-    // Near 0 with a spread of 1: `d` may come in any unit.
+    // Normalised to median 0 and spread 1, since `d` may have any unit.
     let middle = median(&mut samples.iter().map(|&(d, _)| d).collect::<Vec<_>>());
     let spread = median(&mut samples.iter().map(|&(d, _)| (d - middle).abs()).collect::<Vec<_>>());
     let spread =
@@ -79,10 +79,10 @@ pub fn fit_inverse(inverse: &Image<f32>, metric_m: &DepthMap) -> Result<Fit, Fit
     Ok(Fit { a: a / spread, b: b - a * middle / spread, agree, error })
 }
 
-/// Fits `ln z = d + b` to `metric_m` (0: no reading), which may have another size and shows the same.
+/// Fits `ln z = d + b` to `metric_m` (0: no reading). It shows the same view and may have another size.
 ///
 /// # Errors
-/// Too few readings, a fit that explains nothing.
+/// Too few readings, a poor fit.
 pub fn fit_log(log: &Image<f32>, metric_m: &DepthMap) -> Result<Fit, FitError> {
     let samples = samples(log, metric_m)?;
     let b = median(&mut samples.iter().map(|&(d, z)| z.ln() - d).collect::<Vec<_>>());
@@ -91,7 +91,7 @@ pub fn fit_log(log: &Image<f32>, metric_m: &DepthMap) -> Result<Fit, FitError> {
     Ok(Fit { a: 1.0, b, agree, error })
 }
 
-/// Metres by a fit of [`fit_inverse`]; 0 where there is no number or what should be positive is not.
+/// Converts to metres by a fit of [`fit_inverse`]; 0 where the inverse depth is not finite or not positive.
 pub fn metres_of_inverse(inverse: &Image<f32>, fit: &Fit) -> DepthMap {
     inverse.map(|&d| {
         let inverse_m = fit.a * f64::from(d) + fit.b;
@@ -99,7 +99,7 @@ pub fn metres_of_inverse(inverse: &Image<f32>, fit: &Fit) -> DepthMap {
     })
 }
 
-/// Metres by a fit of [`fit_log`]; 0 where there is no number.
+/// Converts to metres by a fit of [`fit_log`]; 0 where the value is not finite.
 pub fn metres_of_log(log: &Image<f32>, fit: &Fit) -> DepthMap {
     log.map(|&d| reading(Some((f64::from(d) + fit.b).exp())))
 }
@@ -108,7 +108,7 @@ fn reading(metres: Option<f64>) -> f32 {
     metres.map(|metres| metres as f32).filter(|metres| metres.is_finite() && *metres > 0.0).unwrap_or(0.0)
 }
 
-/// Pairs of what the model gives and metres, on a regular grid.
+/// Pairs of the model's value and metres, on a regular grid.
 fn samples(relative: &Image<f32>, metric_m: &DepthMap) -> Result<Vec<(f64, f64)>, FitError> {
     let (columns, rows) = (relative.width().min(SAMPLES), relative.height().min(SAMPLES));
     let at = |image: &Image<f32>, column: usize, row: usize| {
@@ -124,13 +124,13 @@ fn samples(relative: &Image<f32>, metric_m: &DepthMap) -> Result<Vec<(f64, f64)>
     if samples.len() < MIN_COUNT { Err(FitError::TooFew(samples.len())) } else { Ok(samples) }
 }
 
-/// Logarithm of the metric depth over the fitted one; infinite where the fit has none.
+/// Logarithm of metric over fitted depth; infinite where the fitted inverse depth is not positive.
 fn log_ratio(a: f64, b: f64, d: f64, z: f64) -> f64 {
     let inverse_m = a * d + b;
     if inverse_m > 0.0 { (z * inverse_m).ln() } else { f64::INFINITY }
 }
 
-/// Of lines through two samples, one of the nearer and one of the farther half, the one that most agree with.
+/// The line that most samples agree with, among lines through a sample of the nearer and one of the farther half.
 fn line_of_most(samples: &[(f64, f64)]) -> Result<(f64, f64), FitError> {
     let mut sorted = samples.to_vec();
     sorted.sort_by(|one, other| one.0.total_cmp(&other.0));
@@ -147,7 +147,7 @@ fn line_of_most(samples: &[(f64, f64)]) -> Result<(f64, f64), FitError> {
     agreed.map(|(line, _)| line).ok_or(FitError::Constant)
 }
 
-/// Gauss and Newton on the weighted squares of the logarithms of the ratios.
+/// Gauss–Newton on the weighted squares of the log ratios.
 fn refined(samples: &[(f64, f64)], (mut a, mut b): (f64, f64)) -> (f64, f64) {
     for _ in 0..30 {
         let errors: Vec<_> = samples.iter().map(|&(d, z)| log_ratio(a, b, d, z)).collect();
@@ -179,18 +179,18 @@ fn refined(samples: &[(f64, f64)], (mut a, mut b): (f64, f64)) -> (f64, f64) {
     (a, b)
 }
 
-/// Share of logarithms of ratios that agree, and the median ratio less one.
+/// Share of log ratios that agree, and the median ratio minus one.
 fn quality(log_ratios: impl Iterator<Item = f64>) -> (f64, f64) {
     let mut errors: Vec<_> = log_ratios.map(f64::abs).collect();
     let near = errors.iter().filter(|&&error| error < AGREES.ln()).count();
     (near as f64 / errors.len().max(1) as f64, median(&mut errors).exp_m1())
 }
 
-/// Whether the fit says more than that all is about as far, and is near enough.
+/// Rejects a fit that is no better than a constant depth, or that too few samples agree with.
 fn check(agree: f64, error: f64, samples: &[(f64, f64)]) -> Result<(), FitError> {
     let middle = median(&mut samples.iter().map(|&(_, z)| z.ln()).collect::<Vec<_>>());
     let (_, of_one_depth) = quality(samples.iter().map(|&(_, z)| z.ln() - middle));
-    // Where all is about as far, that is the answer.
+    // Where all depths are nearly equal, a constant depth is right.
     let explains = error <= MAX_ERROR_LEFT * of_one_depth || of_one_depth < 0.05;
     match (agree >= MIN_AGREE, explains) {
         (true, true) => Ok(()),
@@ -205,7 +205,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A number of 0 to 1 for each pixel, by Weyl's sequence.
+    /// A number of 0 to 1 for each pixel, from a Weyl sequence.
     fn dice(index: usize, stream: f64) -> f64 {
         (index as f64 * 0.618_033_988_749_895 + stream * index as f64 * 0.324_717_957_244_746).fract()
     }
@@ -224,7 +224,7 @@ mod tests {
         fn scale_and_offset_are_found_through_noise_and_outliers(a in 0.001..10.0f64, b in -0.1..0.3f64, unit in 0.01..1000.0f64) {
             let truth = depth();
             let relative = truth.map(|&z| ((1.0 / f64::from(z) - b) / a * unit) as f32);
-            // 40 % anywhere between 0.2 and 10 m, the rest 5 % off either way
+            // 40 % are anywhere between 0.2 and 10 m, the others up to 5 % off.
             let mut index = 0;
             let rough = truth.map(|&z| {
                 index += 1;
@@ -233,7 +233,7 @@ mod tests {
             let fit = fit_inverse(&relative, &rough).unwrap();
             let metres = metres_of_inverse(&relative, &fit);
             for (&z, &made) in truth.pixels().iter().zip(metres.pixels()) {
-                // The noise of 1,500 samples leaves 0.1 %, outliers that happen to be near pull by some times that.
+                // The noise of 1,500 samples leaves 0.1 %; outliers close to the truth add several times that.
                 prop_assert!((made / z - 1.0).abs() < 0.02, "{made} of {z}, {fit:?}");
             }
             prop_assert!((0.6..0.75).contains(&fit.agree), "{fit:?}");
@@ -246,7 +246,7 @@ mod tests {
             let small = lo_imaging::resize_depth(&truth, 60, 45);
             prop_assert!(fit_inverse(&relative, &small).unwrap().agree > 0.9);
             let fit = fit_inverse(&relative, &truth).unwrap();
-            // f32 of what is fitted, whose offset may be many times its spread
+            // Precision of f32: the offset may be many times the spread.
             prop_assert!((fit.a / a - 1.0).abs() < 1e-4 && (fit.b - b).abs() < 1e-5, "{fit:?}");
             prop_assert!(fit.agree == 1.0 && fit.error < 1e-5);
         }

@@ -1,4 +1,4 @@
-//! What a user says of a model that is not known: a TOML file.
+//! Description of an unknown model by the user: a TOML file.
 
 use std::path::Path;
 
@@ -6,66 +6,67 @@ use serde::{Deserialize, Serialize};
 
 use crate::ModelError;
 use crate::onnx::{Dim, Element, Graph};
-use crate::recipe::Recipe;
 
-/// Longest config that is read.
+/// Largest config file.
 const MAX_CONFIG_BYTES: u64 = 1 << 16;
 
-/// Most pixels that a model is given.
+/// Largest number of pixels of a model's input.
 const MAX_PIXELS: usize = 1 << 22;
 
-/// What a model takes and gives, as far as its file does not say it. What is left out is as its family has it, or as stated here.
+/// Description of a model's inputs and outputs where its file does not define them.
+///
+/// Missing fields have the value of the model's family, or the default stated here.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ModelConfig {
-    /// What people call the model.
+    /// Display name of the model.
     pub name: Option<String>,
-    /// What the output is.
+    /// Meaning of the output.
     pub kind: Option<Kind>,
-    /// Name of the input that takes the photo. Where it is left out: the only input of four axes.
+    /// Name of the input for the photo. Default: the only input with four axes.
     pub input: Option<String>,
-    /// Order of the input's axes. `nchw` where it is left out.
+    /// Order of the input's axes. Default: `nchw`.
     pub layout: Option<Layout>,
-    /// Order of the channels, `rgb` or `bgr`. `rgb` where it is left out.
+    /// Order of the channels, `rgb` or `bgr`. Default: `rgb`.
     pub channels: Option<Channels>,
-    /// Value of white before mean and deviation: 1 or 255. 1 where it is left out.
+    /// Value of white before mean and deviation are applied: 1 or 255. Default: 1.
     pub white: Option<f32>,
-    /// What is subtracted of each channel. 0 where it is left out.
+    /// Mean of each channel, subtracted first. Default: 0.
     pub mean: Option<[f32; 3]>,
-    /// What each channel is divided by then. 1 where it is left out.
+    /// Standard deviation of each channel, a divisor. Default: 1.
     pub deviation: Option<[f32; 3]>,
-    /// What the photo is resized to. Needed where the file does not fix it.
+    /// Size to which the photo is resized. Required unless the file fixes it.
     pub size: Option<SizeRule>,
-    /// Name of the output with depth or points. Where it is left out: the only output.
+    /// Name of the output with depth or points. Default: the only output.
     pub output: Option<String>,
     /// Name of the output with unit normals, in OpenCV's axes (+X right, +Y down, +Z forward).
     pub normals: Option<String>,
-    /// Name of the output that is below one half where there is nothing to see.
+    /// Name of the output with a mask; below one half there is no reading.
     pub mask: Option<String>,
-    /// Name of the output that points are multiplied by to be metres.
+    /// Name of the output with the factor from points to metres.
     pub scale: Option<String>,
-    /// How depth depends on the lens. `none` where it is left out.
+    /// Dependence of depth on the focal length. Default: `none`.
     pub focal: Option<Focal>,
-    /// Further inputs that take one integer.
+    /// Values of further inputs, each one integer.
     #[serde(default)]
     pub integers: std::collections::BTreeMap<String, i64>,
 }
 
-/// What a model's output is.
+/// Meaning of a model's output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
     /// Metres along the optical axis.
     Metric,
-    /// `1 / z` up to a factor and a summand.
+    /// `1 / z` up to scale and shift.
     InverseAffine,
-    /// `ln z` up to a summand.
+    /// `ln z` up to an offset.
     Log,
-    /// Points in OpenCV's axes up to a factor and a shift in depth; metres where an output gives the factor.
+    /// Points in OpenCV's axes up to scale and a shift in depth; metres if an output gives the scale.
     Points,
 }
 
-/// Order of a picture's axes: number of pictures, channels, height, width.
+/// Order of an image tensor's axes: batch (N), channels (C), height (H), width (W).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Layout {
@@ -95,43 +96,43 @@ pub enum Channels {
     Bgr,
 }
 
-/// What a photo is resized to.
+/// Rule for the size to which a photo is resized.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "rule", deny_unknown_fields, rename_all = "kebab-case")]
 pub enum SizeRule {
-    /// Always this size; the photo is stretched.
+    /// This size; the photo is stretched.
     Fixed {
-        /// In pixels.
+        /// Width in pixels.
         width: usize,
-        /// In pixels.
+        /// Height in pixels.
         height: usize,
     },
-    /// This shorter side, both sides rounded to a multiple.
+    /// A given shorter side, both sides rounded to a multiple.
     ShorterSide {
-        /// In pixels.
+        /// Shorter side in pixels.
         #[serde(rename = "pixels")]
         shorter_side: usize,
-        /// Both sides are a multiple of this many pixels.
+        /// Factor of both sides in pixels.
         #[serde(default = "one")]
         multiple: usize,
     },
-    /// At most this longer side, both sides rounded to a multiple; photos are not made larger.
+    /// A maximum for the longer side, both sides rounded to a multiple. Photos are not enlarged.
     LongerSide {
-        /// In pixels.
+        /// Longer side in pixels.
         #[serde(rename = "pixels")]
         longer_side: usize,
-        /// Both sides are a multiple of this many pixels.
+        /// Factor of both sides in pixels.
         #[serde(default = "one")]
         multiple: usize,
     },
-    /// As large as it fits into this size, in its middle, the rest filled with the mean.
+    /// This size; the photo keeps its aspect ratio and is centred, the rest is filled with the mean.
     Letterbox {
-        /// In pixels.
+        /// Width in pixels.
         width: usize,
-        /// In pixels.
+        /// Height in pixels.
         height: usize,
     },
-    /// As Depth Anything V2's publisher does it: the shorter side 518, both sides multiples of 14.
+    /// The rule of Depth Anything V2's publisher: shorter side 518, both sides multiples of 14.
     DepthAnything,
 }
 
@@ -149,7 +150,7 @@ impl SizeRule {
         match self {
             Self::Fixed { width, height } | Self::Letterbox { width, height } => (width, height),
             Self::ShorterSide { shorter_side, multiple } => {
-                // A panorama's longer side is limited by the pixels that it makes.
+                // The number of pixels limits very wide photos.
                 let scale = shorter_side as f64 / photo.0.min(photo.1) as f64;
                 let most = (2.0 * (shorter_side * shorter_side) as f64 / (photo.0 as f64 * photo.1 as f64)).sqrt();
                 scaled(scale.min(most), multiple)
@@ -176,43 +177,45 @@ impl SizeRule {
             && (1..=512).contains(&multiple);
         let why = || {
             format!(
-                "a size of {width} × {height} pixels in steps of {multiple} is impossible: sides lie between 8 and 4096, the product below {MAX_PIXELS}"
+                "invalid size of {width} × {height} pixels in steps of {multiple}: \
+                 sides must be 8 to 4096, at most {MAX_PIXELS} pixels in all"
             )
         };
         if right { Ok(()) } else { Err(ModelError::Config(why())) }
     }
 }
 
-/// How metric depth depends on the lens.
+/// Dependence of metric depth on the focal length.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "rule", deny_unknown_fields, rename_all = "kebab-case")]
 pub enum Focal {
-    /// Not at all, or the model sees to it.
+    /// None, or the model handles it.
     None,
-    /// Depth is that of a camera of this focal length: metres are depth times the photo's focal length, in pixels of what the model is given, over this.
+    /// Depth of a canonical camera with this focal length. Metres are depth times the photo's focal length, in pixels
+    /// of the model's input, divided by this.
     Canonical {
-        /// In pixels.
+        /// Focal length in pixels.
         pixels: f64,
     },
 }
 
 impl ModelConfig {
-    /// Reads a config.
+    /// Reads a config file.
     ///
     /// # Errors
-    /// A file that cannot be read or is no such config, naming the line.
+    /// A file that cannot be read, or is not a valid config; the message names the line.
     pub fn read(path: &Path) -> Result<Self, ModelError> {
         let named = |source| ModelError::Read { path: path.display().to_string(), source };
         if std::fs::metadata(path).map_err(named)?.len() > MAX_CONFIG_BYTES {
-            return Err(ModelError::Config(format!("{} is longer than {MAX_CONFIG_BYTES} bytes", path.display())));
+            return Err(ModelError::Config(format!("{} has more than {MAX_CONFIG_BYTES} bytes", path.display())));
         }
         Self::parse(&std::fs::read_to_string(path).map_err(named)?)
     }
 
-    /// Reads the text of a config.
+    /// Parses the text of a config.
     ///
     /// # Errors
-    /// Text that is no such config, naming the line.
+    /// Text that is not a valid config; the message names the line.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
         let config: Self =
             toml::from_str(text).map_err(|error| ModelError::Config(error.to_string().trim_end().to_owned()))?;
@@ -223,10 +226,12 @@ impl ModelConfig {
             && config.deviation.is_none_or(|values| values.iter().all(|value| *value > 0.0))
             && config.white.is_none_or(|white| white.is_finite() && white > 0.0);
         if !usable {
-            return Err(ModelError::Config("mean, deviation and white must be numbers, the latter two above 0".into()));
+            return Err(ModelError::Config(
+                "mean, deviation and white must be finite, deviation and white also positive".into(),
+            ));
         }
         if matches!(config.focal, Some(Focal::Canonical { pixels }) if !(pixels.is_finite() && pixels > 0.0)) {
-            return Err(ModelError::Config("the canonical focal length must be above 0".into()));
+            return Err(ModelError::Config("the canonical focal length must be positive".into()));
         }
         if let Some(size) = config.size {
             size.check()?;
@@ -234,12 +239,12 @@ impl ModelConfig {
         Ok(config)
     }
 
-    /// A config to fill in, with the names of a graph's inputs and outputs.
+    /// A config to complete, with the names of a graph's inputs and outputs.
     pub(crate) fn template(graph: &Graph) -> String {
         let quoted = |name: &str| toml::Value::String(name.to_owned()).to_string();
-        let picture = graph.inputs.iter().find(|info| info.dims.as_ref().is_some_and(|dims| dims.len() == 4));
-        let input = picture.or(graph.inputs.first()).map_or_else(|| quoted("input"), |info| quoted(&info.name));
-        let layout = match picture.and_then(|info| info.dims.as_ref()) {
+        let image = graph.inputs.iter().find(|info| info.dims.as_ref().is_some_and(|dims| dims.len() == 4));
+        let input = image.or(graph.inputs.first()).map_or_else(|| quoted("input"), |info| quoted(&info.name));
+        let layout = match image.and_then(|info| info.dims.as_ref()) {
             Some(dims) if dims[3] == Dim::Fixed(3) => "nhwc",
             _ => "nchw",
         };
@@ -263,86 +268,9 @@ impl ModelConfig {
              mean = [0.485, 0.456, 0.406]\n\
              deviation = [0.229, 0.224, 0.225]\n\
              size = {{ rule = \"shorter-side\", pixels = 518, multiple = 14 }}\n\
-             \x20      # or {{ rule = \"fixed\", width = 518, height = 518 }}, the same with letterbox; longer-side as shorter-side\n\
+             \x20      # or {{ rule = \"fixed\", width = 518, height = 518 }}; letterbox as fixed, longer-side as shorter-side\n\
              output = {output}\n\
              focal = {{ rule = \"none\" }}   # or {{ rule = \"canonical\", pixels = 1000 }}\n{integers}"
         )
-    }
-
-    /// A recipe by this config, what it leaves open by the family's.
-    pub(crate) fn applied(&self, family: Option<Recipe>, graph: &Graph) -> Result<Recipe, ModelError> {
-        let pictures: Vec<&str> = graph
-            .inputs
-            .iter()
-            .filter(|info| info.dims.as_ref().is_none_or(|dims| dims.len() == 4))
-            .map(|info| info.name.as_str())
-            .collect();
-        let known = family.is_some();
-        let needed = |what: &str| {
-            ModelError::Config(format!("it does not say {what}; the model has\n{}", crate::recipe::signature(graph)))
-        };
-        let mut recipe = family.unwrap_or_else(|| Recipe {
-            family: String::new(),
-            input: if let [only] = pictures[..] { only.to_owned() } else { String::new() },
-            layout: Layout::Nchw,
-            bgr: false,
-            white: 1.0,
-            mean: [0.0; 3],
-            deviation: [1.0; 3],
-            padding: None,
-            // Where the file fixes no size, the config must; see below.
-            size: SizeRule::Fixed { width: 0, height: 0 },
-            integers: Vec::new(),
-            kind: Kind::Metric,
-            output: if let [only] = &graph.outputs[..] { only.name.clone() } else { String::new() },
-            normals: None,
-            normals_kappa: None,
-            mask: None,
-            scale: None,
-            canonical_focal_px: None,
-        });
-        if !known && self.kind.is_none() {
-            return Err(needed("the kind (metric, inverse-affine, log or points)"));
-        }
-        recipe.family = self
-            .name
-            .clone()
-            .unwrap_or_else(|| if recipe.family.is_empty() { "by its config".to_owned() } else { recipe.family });
-        recipe.kind = self.kind.unwrap_or(recipe.kind);
-        recipe.input = self.input.clone().unwrap_or(recipe.input);
-        recipe.layout = self.layout.unwrap_or(recipe.layout);
-        recipe.bgr = self.channels.map_or(recipe.bgr, |channels| channels == Channels::Bgr);
-        recipe.white = self.white.unwrap_or(recipe.white);
-        recipe.mean = self.mean.unwrap_or(recipe.mean);
-        recipe.deviation = self.deviation.unwrap_or(recipe.deviation);
-        recipe.output = self.output.clone().unwrap_or(recipe.output);
-        recipe.normals = self.normals.clone().or(recipe.normals);
-        recipe.mask = self.mask.clone().or(recipe.mask);
-        recipe.scale = self.scale.clone().or(recipe.scale);
-        for (name, value) in &self.integers {
-            recipe.integers.retain(|(known, _)| known != name);
-            recipe.integers.push((name.clone(), *value));
-        }
-        match self.focal {
-            None => {}
-            Some(Focal::None) => recipe.canonical_focal_px = None,
-            Some(Focal::Canonical { pixels }) => recipe.canonical_focal_px = Some(pixels),
-        }
-        if recipe.input.is_empty() {
-            return Err(needed("which input takes the photo"));
-        }
-        if recipe.output.is_empty() {
-            return Err(needed("which output is looked at"));
-        }
-        let dims = graph.inputs.iter().find(|info| info.name == recipe.input).and_then(|info| info.dims.as_ref());
-        let fixed = dims.is_some_and(|dims| {
-            dims.len() == 4 && recipe.layout.axes()[1..].iter().all(|&axis| matches!(dims[axis], Dim::Fixed(_)))
-        });
-        match self.size {
-            Some(size) => recipe.size = size,
-            None if !known && !fixed => return Err(needed("the size")),
-            None => {}
-        }
-        Ok(recipe)
     }
 }

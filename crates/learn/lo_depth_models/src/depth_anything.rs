@@ -1,19 +1,20 @@
-//! Depth Anything V2: what it takes, and what of its output is what. Yang et al., "Depth Anything V2" (NeurIPS 2024).
+//! Depth Anything V2: its input, and the meaning of its output. Yang et al., "Depth Anything V2" (NeurIPS 2024).
 
 use lo_imaging::{DepthMap, Image};
 
-/// Mean that is subtracted of 0–1: ImageNet's.
+/// Mean of ImageNet, subtracted from values of 0 to 1.
 pub(crate) const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
-/// Deviation that is divided by: ImageNet's.
+/// Standard deviation of ImageNet.
 pub(crate) const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
-/// Pixels of a patch along each side: sizes are multiples of it.
+/// Side of a patch in pixels; sizes are multiples of it.
 const PATCH: usize = 14;
-/// What the networks were trained at, along the shorter side.
+/// Shorter side that the networks were trained at, in pixels.
 const SIDE: usize = 518;
-/// Photos longer than this many times their shorter side are made smaller than the networks were trained at, by area.
+/// Beyond this aspect ratio a photo is resized by area instead of by its shorter side.
 const LONGEST: f64 = 2.0;
 
-/// Width and height that a photo of `photo` pixels is resized to: its shorter side 518 as its publisher does, both multiples of 14.
+/// Width and height to which a photo of `photo` pixels is resized: shorter side 518 as in the publisher's code, both
+/// multiples of 14.
 pub(crate) fn input_size(photo: (usize, usize)) -> (usize, usize) {
     let (width, height) = (photo.0 as f64, photo.1 as f64);
     let scale = (SIDE as f64 / width.min(height)).min(SIDE as f64 * (LONGEST / (width * height)).sqrt());
@@ -21,16 +22,17 @@ pub(crate) fn input_size(photo: (usize, usize)) -> (usize, usize) {
     (side(width), side(height))
 }
 
-/// What the last operators before the output make of it.
+/// Meaning of the output, recognised by the last operators before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// Metres: a sigmoid times the greatest depth.
+    /// Metres: a sigmoid times the largest depth.
     Metric,
-    /// Affine inverse depth: nothing below zero.
+    /// Affine inverse depth, not negative.
     Relative,
 }
 
-/// By the operators on the way from the output back to the picture: the last activation tells, since names and shapes are the same.
+/// Recognises the kind by the last activation, given operators from the output backwards. Names and shapes are the same
+/// for both kinds.
 pub(crate) fn kind<'a>(backwards: impl IntoIterator<Item = &'a str>) -> Option<Kind> {
     for operator in backwards {
         match operator {
@@ -43,12 +45,13 @@ pub(crate) fn kind<'a>(backwards: impl IntoIterator<Item = &'a str>) -> Option<K
     None
 }
 
-/// Metres as they come; 0 where they are no number above zero.
+/// The output as metres; 0 where it is not finite or not positive.
 pub(crate) fn metres(depth: &Image<f32>) -> DepthMap {
     depth.map(|&z| if z.is_finite() && z > 0.0 { z } else { 0.0 })
 }
 
-/// Affine inverse depth as it comes; NaN where it is none: what the last activation made zero is as far as can be, and its inverse means nothing.
+/// The output as affine inverse depth; NaN where it is not finite or not positive. Zero marks the farthest distance and
+/// has no usable inverse.
 pub(crate) fn inverse(depth: &Image<f32>) -> Image<f32> {
     depth.map(|&d| if d.is_finite() && d > 0.0 { d } else { f32::NAN })
 }
@@ -65,7 +68,7 @@ mod tests {
         assert_eq!(input_size((1440, 1920)), (518, 686));
         assert_eq!(input_size((1920, 1080)), (924, 518));
         assert_eq!(input_size((100, 75)), (686, 518));
-        // 4000 × 500 by area: 518² · 2 pixels at 8:1
+        // 4000 × 500 by area: 518² · 2 pixels at 8:1.
         assert_eq!(input_size((4000, 500)), (2072, 266));
     }
 
@@ -74,7 +77,7 @@ mod tests {
         fn sizes_are_bounded_multiples_of_a_patch(width in 1usize..20_000, height in 1usize..20_000) {
             let (w, h) = input_size((width, height));
             prop_assert!(w % PATCH == 0 && h % PATCH == 0 && w > 0 && h > 0);
-            // Rounding the few patches of a strip counts for more.
+            // Rounding matters more where a narrow strip has few patches.
             let thin = width.max(height) / width.min(height) > 20;
             prop_assert!(thin || w * h <= 2 * SIDE * SIDE * 21 / 20, "{w} × {h}");
         }
@@ -90,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_no_reading() {
+    fn values_that_are_not_finite_are_no_reading() {
         let output = Image::new(5, 1, vec![2.0, 0.0, -1.0, f32::NAN, f32::INFINITY]);
         assert_eq!(metres(&output).pixels(), [2.0, 0.0, 0.0, 0.0, 0.0]);
         let inverse = inverse(&output);

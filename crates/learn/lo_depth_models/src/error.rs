@@ -1,6 +1,6 @@
 use lo_events::Cancelled;
 
-/// Why a depth network tells nothing of a photo.
+/// Errors of reading and running depth networks.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
@@ -9,37 +9,37 @@ pub enum ModelError {
     Read {
         /// The file.
         path: String,
-        /// Of the file system.
+        /// The error of the file system.
         source: std::io::Error,
     },
-    /// The bytes are none of an ONNX file.
+    /// The bytes are not a valid ONNX file.
     #[error("the model's file is damaged: {0}")]
     Malformed(String),
-    /// The file asks for more than is given.
+    /// The file exceeds a limit on size, memory or work.
     #[error("the model is too large: {0}")]
     TooLarge(String),
-    /// The file holds what the run time does not know.
-    #[error("the model cannot be run: {0}")]
+    /// The file uses features that the runtime does not support.
+    #[error("cannot run the model: {0}")]
     Unsupported(String),
-    /// Weights that lie in another file are not there.
-    #[error("the model keeps weights in \"{file}\": {why}")]
+    /// A file with external weights is missing or invalid.
+    #[error("cannot read the model's external weights \"{file}\": {why}")]
     External {
-        /// The other file, as the model calls it.
+        /// The external file, by the name in the model.
         file: String,
-        /// What is wrong with it.
+        /// Reason.
         why: String,
     },
-    /// A node of the graph cannot be run.
-    #[error("the model cannot be run at its node {node}: {why}")]
+    /// A node of the graph is invalid or not supported.
+    #[error("cannot run the model's node {node}: {why}")]
     Node {
         /// Operator and name.
         node: String,
-        /// What is wrong with it.
+        /// Reason.
         why: String,
     },
-    /// No family that is known takes and gives what this model does.
+    /// The inputs and outputs match no known family.
     #[error(
-        "what the model's inputs and outputs mean is not known:\n{signature}\nSay it in a file, and give that as the model's config:\n\n{config}"
+        "unknown depth model; its inputs and outputs are:\n{signature}\nDescribe them in a config file like this one:\n\n{config}"
     )]
     Unknown {
         /// The inputs and outputs, one a line.
@@ -47,39 +47,39 @@ pub enum ModelError {
         /// A config to fill in.
         config: String,
     },
-    /// The config does not fit the model, or is none.
-    #[error("the config of the depth model: {0}")]
+    /// The config is invalid or does not match the model.
+    #[error("config of the depth model: {0}")]
     Config(String),
-    /// The model gave something other than its kind promises.
-    #[error("the model's output \"{output}\" {why}")]
+    /// An output does not match the model's kind.
+    #[error("invalid model output \"{output}\": {why}")]
     Output {
-        /// The output.
+        /// Name of the output.
         output: String,
-        /// What is wrong with it.
+        /// Reason.
         why: String,
     },
-    /// The photo cannot be given to the model.
-    #[error("the photo: {0}")]
+    /// The model cannot process the photo.
+    #[error("unsuitable photo: {0}")]
     Photo(String),
-    /// The run time failed where nothing of the above foretold it.
-    #[error("the model's run failed: {0}")]
+    /// The runtime failed for another reason.
+    #[error("running the model failed: {0}")]
     Run(String),
-    /// The handler of events asked for the end.
+    /// The event handler cancelled the job.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
 
 impl ModelError {
-    /// Of the model's own file, whose path is added by whoever knows it.
+    /// Wraps an error of reading the model's own file. The caller that has the path adds it.
     pub(crate) fn read(source: std::io::Error) -> Self {
         if source.kind() == std::io::ErrorKind::UnexpectedEof {
-            return Self::Malformed("it ends too early".to_owned());
+            return Self::Malformed("it is truncated".to_owned());
         }
         Self::Read { path: String::new(), source }
     }
 }
 
-/// A name from a file, fit to be printed.
+/// A name from a file, made safe to print: no control characters, at most 100 characters.
 pub(crate) fn short(name: &str) -> String {
     name.chars().filter(|c| !c.is_control()).take(100).collect()
 }

@@ -1,10 +1,12 @@
-//! Depth networks of others, as ONNX files: recognised by their inputs and outputs, checked, run on rten, and brought to metres.
+//! Third-party depth networks as ONNX files: recognised by their inputs and outputs, checked, run on rten and converted
+//! to metres.
 //!
-//! [`DepthModel::read`] reads a file and tells what it is; [`DepthModel::predict`] runs it on a photo. What comes back is in this project's axes
-//! (+X right, +Y up, −Z forward) and, but for relative depth, in metres.
+//! [`DepthModel::read`] reads a file and recognises its family. [`DepthModel::predict`] runs it on a photo. Predictions
+//! use this project's axes (+X right, +Y up, −Z forward) and, except for relative depth, metres.
 
 mod config;
 mod error;
+mod facts;
 mod model;
 mod onnx;
 mod plan;

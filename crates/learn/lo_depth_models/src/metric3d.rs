@@ -1,42 +1,42 @@
-//! Metric3D v2: canonical depth to metres, padding undone. Hu et al., "Metric3D v2" (TPAMI 2024).
+//! Metric3D v2: canonical depth to metres, and removal of the padding. Hu et al., "Metric3D v2" (TPAMI 2024).
 
 use lo_imaging::{DepthMap, Image};
 
-/// Width of what the network takes.
+/// Width of the network's input.
 pub(crate) const WIDTH: usize = 1064;
-/// Height of what the network takes.
+/// Height of the network's input.
 pub(crate) const HEIGHT: usize = 616;
-/// Mean that is subtracted of 0–255, and the colour of the padding.
+/// Mean that is subtracted from values of 0 to 255, and the colour of the padding.
 pub(crate) const MEAN: [f32; 3] = [123.675, 116.28, 103.53];
-/// Deviation that is divided by.
+/// Standard deviation that values are divided by.
 pub(crate) const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
-/// Focal length of the camera that the depth is of, in pixels.
+/// Focal length of the canonical camera, in pixels.
 pub(crate) const CANONICAL_FOCAL_PX: f64 = 1000.0;
-/// Normals that are expected to be farther off than this are none. A choice, not a measurement.
+/// Largest expected error of a usable normal. A choice, not a measurement.
 const MOST_ERROR_DEG: f64 = 30.0;
 
-/// A photo in the middle of a wider or higher picture, its aspect kept.
+/// A photo centred in an image of another aspect ratio.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Letterbox {
-    /// Width of the whole.
+    /// Width of the padded image.
     pub outer_width: usize,
-    /// Height of the whole.
+    /// Height of the padded image.
     pub outer_height: usize,
     /// Width of the photo in it.
     pub width: usize,
     /// Height of the photo in it.
     pub height: usize,
-    /// Columns to its left.
+    /// Columns to the left of the photo.
     pub left: usize,
-    /// Rows above it.
+    /// Rows above the photo.
     pub top: usize,
 }
 
 impl Letterbox {
-    /// As large as it goes of a photo of `photo` pixels, of at least one.
+    /// Fits a photo of `photo` pixels, at least one, as large as possible.
     pub fn of(photo: (usize, usize), (outer_width, outer_height): (usize, usize)) -> Self {
         let scale = (outer_width as f64 / photo.0 as f64).min(outer_height as f64 / photo.1 as f64);
-        // 616/480 · 480 must not become 615
+        // Rounding must not make 615 of 616/480 · 480.
         let side = |pixels: usize, most: usize| ((pixels as f64 * scale + 1e-6) as usize).clamp(1, most);
         let (width, height) = (side(photo.0, outer_width), side(photo.1, outer_height));
         Self {
@@ -49,7 +49,7 @@ impl Letterbox {
         }
     }
 
-    /// The photo, resized to [`Self::width`] × [`Self::height`], among `padding`.
+    /// Surrounds the photo, already resized to [`Self::width`] × [`Self::height`], with `padding`.
     pub fn padded<T: Copy>(&self, photo: &Image<T>, padding: T) -> Image<T> {
         assert_eq!(
             (photo.width(), photo.height()),
@@ -63,7 +63,7 @@ impl Letterbox {
         })
     }
 
-    /// What the photo's pixels became, of a picture of the whole at any resolution.
+    /// Crops an image of the padded extent, at any resolution, to the photo.
     pub fn cropped<T: Copy>(&self, whole: &Image<T>) -> Image<T> {
         let at =
             |pixels: usize, outer: usize, size: usize| (pixels as f64 * size as f64 / outer as f64).round() as usize;
@@ -75,9 +75,9 @@ impl Letterbox {
     }
 }
 
-/// Metres from canonical depth; 0 where it is no number above zero.
+/// Converts canonical depth to metres; 0 where it is not finite or not positive.
 ///
-/// `focal_px` is the camera's focal length in pixels of the photo as the network saw it, without padding.
+/// `focal_px` is the camera's focal length in pixels of the resized photo without padding.
 pub(crate) fn metres(canonical: &Image<f32>, focal_px: f64) -> DepthMap {
     canonical.map(|&z| {
         let metres = (f64::from(z) * focal_px / CANONICAL_FOCAL_PX) as f32;
@@ -85,8 +85,8 @@ pub(crate) fn metres(canonical: &Image<f32>, focal_px: f64) -> DepthMap {
     })
 }
 
-/// Normals of use: zero where the concentration κ that the network gives lets expect an error of more than 30 degrees.
-pub(crate) fn believed_normals(normals: &Image<[f32; 3]>, concentration: &Image<f32>) -> Image<[f32; 3]> {
+/// Normals with an expected error of at most 30 degrees, by the network's concentration κ; zero elsewhere.
+pub(crate) fn reliable_normals(normals: &Image<[f32; 3]>, concentration: &Image<f32>) -> Image<[f32; 3]> {
     let (width, height) = (normals.width(), normals.height());
     Image::from_fn(width, height, |x, y| {
         let index = y * width + x;
@@ -95,8 +95,10 @@ pub(crate) fn believed_normals(normals: &Image<[f32; 3]>, concentration: &Image<
     })
 }
 
-/// Expected angle between a normal and the truth under the angular von Mises–Fisher distribution of concentration κ:
-/// Bae, Budvytis and Cipolla, "Estimating and exploiting the aleatoric uncertainty in surface normal estimation" (ICCV 2021), equation 5.
+/// Expected angle between a normal and the truth under the angular von Mises–Fisher distribution of concentration κ.
+///
+/// Source: Bae, Budvytis and Cipolla, "Estimating and exploiting the aleatoric uncertainty in surface normal
+/// estimation" (ICCV 2021), equation 5.
 fn expected_error_rad(kappa: f64) -> f64 {
     let tail = (-kappa * std::f64::consts::PI).exp();
     2.0 * kappa / (kappa * kappa + 1.0) + tail * std::f64::consts::PI / (1.0 + tail)
@@ -140,7 +142,7 @@ mod tests {
         let letterbox = Letterbox::of((1920, 1440), (WIDTH, HEIGHT));
         let quarter = Image::from_fn(266, 154, |x, _| x);
         let cropped = letterbox.cropped(&quarter);
-        // 121/4 and 942/4, rounded
+        // 121/4 and 942/4, rounded.
         assert_eq!((cropped.width(), cropped.height(), cropped.pixels()[0]), (206, 154, 30));
     }
 
@@ -152,7 +154,7 @@ mod tests {
 
     #[test]
     fn expected_error_is_that_of_the_distribution() {
-        // ∫ α p(α) dα with p ∝ sin α · e^(−κ α), by sums over a million steps
+        // ∫ α p(α) dα with p ∝ sin α · e^(−κ α), as sums over a million steps.
         for kappa in [0.5, 1.0, 3.0, 20.0f64] {
             let (mut sum, mut weighted) = (0.0, 0.0);
             for step in 0..1_000_000 {
@@ -165,11 +167,11 @@ mod tests {
     }
 
     #[test]
-    fn normals_that_the_network_does_not_believe_are_none() {
+    fn normals_of_low_concentration_are_discarded() {
         let normals = Image::new(4, 1, vec![[0.0, 0.0, -1.0]; 4]);
         let concentration = Image::new(4, 1, vec![20.0, 1.0, f32::NAN, 4.0]);
-        let believed = believed_normals(&normals, &concentration);
-        assert_eq!(believed.pixels(), [[0.0, 0.0, -1.0], [0.0; 3], [0.0; 3], [0.0, 0.0, -1.0]]);
-        assert_eq!(believed_normals(&normals, &Image::new(0, 0, Vec::new())).pixels(), [[0.0; 3]; 4]);
+        let reliable = reliable_normals(&normals, &concentration);
+        assert_eq!(reliable.pixels(), [[0.0, 0.0, -1.0], [0.0; 3], [0.0; 3], [0.0, 0.0, -1.0]]);
+        assert_eq!(reliable_normals(&normals, &Image::new(0, 0, Vec::new())).pixels(), [[0.0; 3]; 4]);
     }
 }

@@ -9,35 +9,35 @@ use lo_geometry::Camera;
 use lo_imaging::Image;
 
 use crate::error::short;
+use crate::facts::Known;
 use crate::metric3d::Letterbox;
 use crate::onnx::{Graph, Weights, read_model, simplify};
-use crate::plan::{Given, plan};
+use crate::plan::{InputContent, plan};
 use crate::preprocess::{input_dims, input_size, prepared};
 use crate::recipe::Recipe;
 use crate::runtime::{Array, Loaded, Runtime};
-use crate::shapes::Known;
 use crate::{FieldOfView, Geometry, Kind, ModelConfig, ModelError, Prediction, depth_anything, metric3d, moge};
 
-/// Largest file that is opened.
+/// Largest file in bytes.
 const MAX_FILE_BYTES: u64 = 1 << 31;
 
-/// An output of which fewer than this share are numbers is none.
-const MIN_NUMBERS: f64 = 0.1;
+/// Smallest share of finite values in a valid output.
+const MIN_FINITE: f64 = 0.1;
 
-/// Logarithm of the ratio by which the aspect of an output may differ from the input's: coarse outputs are rounded to whole pixels.
+/// Largest log ratio between the aspects of an output and of the input. Coarse outputs are rounded to whole pixels.
 const MAX_ASPECT: f64 = 0.1;
 
-/// Name, sizes and values of an output.
+/// Name, shape and values of an output.
 pub type RawOutput = (String, Vec<usize>, Vec<f32>);
 
-/// A depth network of others, ready to be run.
+/// A third-party depth network, ready to run.
 pub struct DepthModel {
     file_name: String,
     recipe: Recipe,
     graph: Graph,
     opset: i64,
     runtime: Runtime,
-    /// The graph for the size of the last photo.
+    /// Shape of the last input, and the graph planned for it.
     last: Mutex<Option<(Vec<usize>, Arc<Loaded>)>>,
 }
 
@@ -48,12 +48,12 @@ impl std::fmt::Debug for DepthModel {
 }
 
 impl DepthModel {
-    /// Reads an ONNX file, and weights that it keeps in files beside it. `config` says what the file does not.
+    /// Reads an ONNX file, and its external weights from files in the same folder. `config` describes an unknown model.
     ///
-    /// Whatever the file holds, no more is allocated than its length times two, and never more than 2 GB.
+    /// For any content, it allocates at most twice the file's length, and never more than 2 GB.
     ///
     /// # Errors
-    /// A file that cannot be read, is damaged, too large or cannot be run; a model that is not known without a config.
+    /// A file that cannot be read, is damaged, too large or not supported; an unknown model without a config.
     pub fn read(path: impl AsRef<Path>, config: Option<&ModelConfig>) -> Result<Self, ModelError> {
         let path = path.as_ref();
         let named = |error: ModelError| match error {
@@ -66,7 +66,7 @@ impl DepthModel {
         let metadata = file.metadata().map_err(ModelError::read).map_err(named)?;
         if metadata.len() > MAX_FILE_BYTES {
             return Err(ModelError::TooLarge(format!(
-                "its file has {} bytes, at most {MAX_FILE_BYTES} are read",
+                "its file has {} bytes, the limit is {MAX_FILE_BYTES}",
                 metadata.len()
             )));
         }
@@ -75,10 +75,10 @@ impl DepthModel {
         Self::of(BufReader::new(file), folder, &short(&name), config).map_err(named)
     }
 
-    /// Of the bytes of an ONNX file that keeps its weights in itself.
+    /// Reads the bytes of an ONNX file without external weights.
     ///
     /// # Errors
-    /// As [`DepthModel::read`].
+    /// Those of [`DepthModel::read`].
     pub fn from_bytes(bytes: &[u8], config: Option<&ModelConfig>) -> Result<Self, ModelError> {
         Self::of(Cursor::new(bytes), None, "", config)
     }
@@ -106,7 +106,7 @@ impl DepthModel {
         })
     }
 
-    /// What people call it: its family and its file.
+    /// Display name: the family and the file name.
     pub fn name(&self) -> String {
         if self.file_name.is_empty() {
             self.recipe.family.clone()
@@ -115,17 +115,18 @@ impl DepthModel {
         }
     }
 
-    /// What its output is.
+    /// Meaning of its output.
     pub fn kind(&self) -> Kind {
         self.recipe.kind
     }
 
-    /// Whether it tells the field of view where no camera is given.
-    pub fn tells_field_of_view(&self) -> bool {
+    /// Whether it predicts the field of view if no camera is given.
+    pub fn predicts_field_of_view(&self) -> bool {
         self.recipe.kind == Kind::Points
     }
 
-    /// Whether its depth is metres; where not, other depth of the same photo is needed to make it so ([`crate::affine`]).
+    /// Whether its depth is in metres. Otherwise metric depth of the same photo is needed to convert it
+    /// ([`crate::affine`]).
     pub fn is_metric(&self) -> bool {
         match self.recipe.kind {
             Kind::Metric => true,
@@ -134,11 +135,11 @@ impl DepthModel {
         }
     }
 
-    /// What the model tells of a photo. `camera`, in pixels of the photo, where the lens is known.
+    /// Predicts depth for a photo. `camera`, in pixels of the photo, if the lens is known.
     ///
     /// # Errors
-    /// A photo that cannot be brought to the model's size, sizes in the graph that do not fit it, more memory than a run may take, outputs that are not
-    /// what the model's kind promises; [`Cancelled`](lo_events::Cancelled) before the run or after it.
+    /// A photo that is too small or narrow, sizes in the graph that do not match it, a run beyond the memory limit,
+    /// outputs that do not match the model's kind; [`Cancelled`](lo_events::Cancelled) before or after the run.
     pub fn predict(
         &self,
         photo: &Image<[u8; 3]>,
@@ -148,11 +149,11 @@ impl DepthModel {
         let (width, height) = (photo.width(), photo.height());
         if width.min(height) < 16 || width.max(height) > 20 * width.min(height) {
             return Err(ModelError::Photo(format!(
-                "{width} × {height} pixels are too few or too narrow for a depth model"
+                "{width} × {height} pixels are too small or too narrow for a depth model"
             )));
         }
         if camera.is_none() && self.recipe.canonical_focal_px.is_some() {
-            return Err(ModelError::Photo("the model needs the focal length of its camera".to_owned()));
+            return Err(ModelError::Photo("the model needs the camera's focal length".to_owned()));
         }
         let size = input_size(&self.recipe, (width, height));
         let loaded = stage(on_event, Stage::PrepareDepthModel, || self.loaded(&input_dims(self.recipe.layout, size)))??;
@@ -161,14 +162,15 @@ impl DepthModel {
             let prepared = prepared(&self.recipe, photo);
             loaded.run(&self.recipe.input, &prepared.array, &outputs).map(|arrays| (prepared, arrays))
         })??;
-        let given = Answers { arrays: outputs.into_iter().zip(arrays).collect(), letterbox: prepared.letterbox, size };
-        self.told(&given, (width as u32, height as u32), camera, prepared.photo.0 as f64 / width as f64)
+        let outputs =
+            Outputs { arrays: outputs.into_iter().zip(arrays).collect(), letterbox: prepared.letterbox, size };
+        self.prediction(&outputs, (width as u32, height as u32), camera, prepared.photo.0 as f64 / width as f64)
     }
 
-    /// All outputs for an input as it is, of names, sizes and values: what is compared with other run times.
+    /// Runs the model on an input tensor and returns all outputs, for comparison with other runtimes.
     ///
     /// # Errors
-    /// As [`DepthModel::predict`].
+    /// Those of [`DepthModel::predict`].
     #[doc(hidden)]
     pub fn raw(&self, dims: &[usize], values: &[f32]) -> Result<Vec<RawOutput>, ModelError> {
         let outputs = self.recipe.outputs();
@@ -177,45 +179,45 @@ impl DepthModel {
         Ok(outputs.into_iter().zip(arrays).map(|(name, array)| (name, array.dims, array.values)).collect())
     }
 
-    /// The graph for an input of these sizes.
+    /// The graph planned for an input of this shape.
     fn loaded(&self, dims: &[usize]) -> Result<Arc<Loaded>, ModelError> {
         let mut last = self.last.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some((_, loaded)) = last.as_ref().filter(|(known, _)| known == dims) {
             return Ok(Arc::clone(loaded));
         }
         *last = None;
-        let mut given = HashMap::from([(self.recipe.input.clone(), Given::Sized(dims.to_vec()))]);
+        let mut contents = HashMap::from([(self.recipe.input.clone(), InputContent::Sized(dims.to_vec()))]);
         for (name, value) in &self.recipe.integers {
             let shape = self.graph.inputs.iter().find(|info| info.name == *name).and_then(|info| info.dims.as_ref());
             let dims = vec![1; shape.map_or(0, Vec::len)];
             let value =
                 i32::try_from(*value).map_err(|_| ModelError::Config(format!("{name} = {value} is too large")))?;
-            given.insert(name.clone(), Given::Value(dims, Known::Ints(vec![value])));
+            contents.insert(name.clone(), InputContent::Value(dims, Known::Ints(vec![value])));
         }
         let evaluate =
             |node: &crate::onnx::Node, values: &[(String, Vec<usize>, Known)]| self.runtime.evaluate(node, values);
         let plan =
-            plan(&self.graph, self.opset, &given, &self.recipe.outputs(), self.runtime.weight_bytes(), &evaluate)?;
+            plan(&self.graph, self.opset, &contents, &self.recipe.outputs(), self.runtime.weight_bytes(), &evaluate)?;
         let loaded = Arc::new(self.runtime.load(&plan)?);
         *last = Some((dims.to_vec(), Arc::clone(&loaded)));
         Ok(loaded)
     }
 
-    /// What the arrays mean.
-    fn told(
+    /// Interprets the outputs by the recipe.
+    fn prediction(
         &self,
-        given: &Answers,
+        outputs: &Outputs,
         photo: (u32, u32),
         camera: Option<&Camera>,
         pixels_per_pixel: f64,
     ) -> Result<Prediction, ModelError> {
         let recipe = &self.recipe;
         let output = &recipe.output;
-        let mask = recipe.mask.as_ref().map(|name| given.numbers(name)).transpose()?;
+        let mask = recipe.mask.as_ref().map(|name| outputs.scalars(name)).transpose()?;
         let mut field_of_view = None;
         let geometry = match recipe.kind {
             Kind::Metric => {
-                let depth = given.numbers(output)?;
+                let depth = outputs.scalars(output)?;
                 let focal = camera.zip(recipe.canonical_focal_px);
                 let mut depth_m = match focal {
                     Some((camera, canonical_px)) => metric3d::metres(
@@ -228,7 +230,7 @@ impl DepthModel {
                 Geometry::Metric(depth_m)
             }
             Kind::InverseAffine => {
-                let mut inverse = given.numbers(output)?;
+                let mut inverse = outputs.scalars(output)?;
                 if recipe.family.starts_with("Depth Anything") {
                     inverse = depth_anything::inverse(&inverse);
                 }
@@ -236,12 +238,12 @@ impl DepthModel {
                 Geometry::AffineInverse(inverse)
             }
             Kind::Log => {
-                let mut log = given.numbers(output)?;
+                let mut log = outputs.scalars(output)?;
                 masked(&mut log, mask.as_ref(), f32::NAN);
                 Geometry::Log(log)
             }
             Kind::Points => {
-                let points = given.vectors(output)?;
+                let points = outputs.vectors(output)?;
                 let unusable =
                     |error: moge::PointsError| ModelError::Output { output: short(output), why: error.to_string() };
                 let solved = moge::focal_and_shift(&points, mask.as_ref(), photo, camera).map_err(unusable)?;
@@ -250,7 +252,7 @@ impl DepthModel {
                 }
                 match &recipe.scale {
                     Some(name) => {
-                        let scale = given.number(name)?;
+                        let scale = outputs.number(name)?;
                         Geometry::Metric(moge::metres(&points, mask.as_ref(), solved.shift, scale).map_err(unusable)?)
                     }
                     None => {
@@ -260,16 +262,16 @@ impl DepthModel {
                 }
             }
         };
-        let normals = recipe.normals.as_ref().map(|name| given.vectors(name)).transpose()?;
+        let normals = recipe.normals.as_ref().map(|name| outputs.vectors(name)).transpose()?;
         let normals = normals.map(|normals| -> Result<_, ModelError> {
-            let believed = match &recipe.normals_kappa {
-                Some(name) => metric3d::believed_normals(&normals, &given.numbers(name)?),
+            let reliable = match &recipe.normals_kappa {
+                Some(name) => metric3d::reliable_normals(&normals, &outputs.scalars(name)?),
                 None => normals,
             };
             let [half_width, half_height] = half_sizes(photo, camera, field_of_view);
             Ok(moge::normals(
-                &believed,
-                mask.as_ref().filter(|mask| mask.pixels().len() == believed.pixels().len()),
+                &reliable,
+                mask.as_ref().filter(|mask| mask.pixels().len() == reliable.pixels().len()),
                 half_width,
                 half_height,
             ))
@@ -278,9 +280,9 @@ impl DepthModel {
     }
 }
 
-/// Half of the picture's width and height at one metre: of the camera, of the field of view that the model tells, or of an ordinary lens.
-fn half_sizes(photo: (u32, u32), camera: Option<&Camera>, told: Option<FieldOfView>) -> [f32; 2] {
-    match (camera, told) {
+/// Half of the image's width and height at one metre, by the camera, the predicted field of view, or an ordinary lens.
+fn half_sizes(photo: (u32, u32), camera: Option<&Camera>, predicted: Option<FieldOfView>) -> [f32; 2] {
+    match (camera, predicted) {
         (Some(camera), _) => {
             [0.5 * f64::from(photo.0) / camera.fx, 0.5 * f64::from(photo.1) / camera.fy].map(|half| half as f32)
         }
@@ -291,37 +293,37 @@ fn half_sizes(photo: (u32, u32), camera: Option<&Camera>, told: Option<FieldOfVi
     }
 }
 
-fn masked(image: &mut Image<f32>, mask: Option<&Image<f32>>, nothing: f32) {
+fn masked(image: &mut Image<f32>, mask: Option<&Image<f32>>, no_reading: f32) {
     let Some(mask) = mask.filter(|mask| mask.pixels().len() == image.pixels().len()) else { return };
-    for (value, seen) in image.pixels_mut().iter_mut().zip(mask.pixels()) {
-        if seen.is_nan() || *seen < moge::SEEN {
-            *value = nothing;
+    for (value, mask) in image.pixels_mut().iter_mut().zip(mask.pixels()) {
+        if mask.is_nan() || *mask < moge::MASK_THRESHOLD {
+            *value = no_reading;
         }
     }
 }
 
 /// A model's outputs.
-struct Answers {
+struct Outputs {
     arrays: HashMap<String, Array>,
     letterbox: Option<Letterbox>,
-    /// Width and height of what the model was given.
+    /// Width and height of the model's input.
     size: (usize, usize),
 }
 
-impl Answers {
+impl Outputs {
     fn array(&self, name: &str) -> Result<&Array, ModelError> {
-        self.arrays.get(name).ok_or_else(|| ModelError::Output { output: short(name), why: "is missing".to_owned() })
+        self.arrays.get(name).ok_or_else(|| ModelError::Output { output: short(name), why: "it is missing".to_owned() })
     }
 
-    /// A picture of numbers, of the photo without padding; NaN where there is none.
-    fn numbers(&self, name: &str) -> Result<Image<f32>, ModelError> {
+    /// An image with one channel, cropped to the photo; not finite where there is no reading.
+    fn scalars(&self, name: &str) -> Result<Image<f32>, ModelError> {
         let array = self.array(name)?;
         let sides: Vec<usize> = squeezed(&array.dims);
-        let [height, width] = sides[..] else { return Err(misshapen(name, array, "a picture of one channel")) };
+        let [height, width] = sides[..] else { return Err(misshapen(name, array, "an image with one channel")) };
         self.checked(name, Image::new(width, height, array.values.clone()), |value| value.is_finite())
     }
 
-    /// A picture of vectors, of the photo without padding; three channels first or last.
+    /// An image of vectors, cropped to the photo; three channels first or last.
     fn vectors(&self, name: &str) -> Result<Image<[f32; 3]>, ModelError> {
         let array = self.array(name)?;
         let sides: Vec<usize> = array.dims.iter().copied().skip_while(|&size| size == 1).collect();
@@ -334,7 +336,7 @@ impl Answers {
                     [0, 1, 2].map(|channel| array.values[channel * plane + y * width + x])
                 })
             }
-            _ => return Err(misshapen(name, array, "a picture of three channels")),
+            _ => return Err(misshapen(name, array, "an image with three channels")),
         };
         self.checked(name, image, |vector| vector.iter().all(|value| value.is_finite()))
     }
@@ -352,26 +354,29 @@ impl Answers {
         &self,
         name: &str,
         image: Image<T>,
-        is_number: impl Fn(&T) -> bool,
+        is_finite: impl Fn(&T) -> bool,
     ) -> Result<Image<T>, ModelError> {
         let aspect = |(width, height): (usize, usize)| (width as f64 / height as f64).ln();
         let made = (image.width(), image.height());
         if made.0 == 0 || made.1 == 0 || (aspect(made) - aspect(self.size)).abs() > MAX_ASPECT {
-            let why = format!("is a picture of {} × {} of one of {} × {}", made.0, made.1, self.size.0, self.size.1);
+            let why = format!(
+                "its {} × {} pixels do not have the aspect ratio of the input, {} × {}",
+                made.0, made.1, self.size.0, self.size.1
+            );
             return Err(ModelError::Output { output: short(name), why });
         }
         let whole = self.letterbox.map(|letterbox| letterbox.cropped(&image)).unwrap_or(image);
-        let numbers = whole.pixels().iter().filter(|value| is_number(value)).count();
-        if (numbers as f64) < MIN_NUMBERS * whole.pixels().len() as f64 || numbers == 0 {
+        let finite = whole.pixels().iter().filter(|value| is_finite(value)).count();
+        if (finite as f64) < MIN_FINITE * whole.pixels().len() as f64 || finite == 0 {
             let why =
-                format!("has no numbers in {} of its {} pixels", whole.pixels().len() - numbers, whole.pixels().len());
+                format!("{} of its {} pixels are not finite", whole.pixels().len() - finite, whole.pixels().len());
             return Err(ModelError::Output { output: short(name), why });
         }
         Ok(whole)
     }
 }
 
-/// Sizes of a picture of one channel, without axes of one at either end.
+/// Shape of an image with one channel, without axes of size 1 at either end.
 fn squeezed(dims: &[usize]) -> Vec<usize> {
     let mut sides = dims.to_vec();
     while sides.len() > 2 && sides[0] == 1 {
@@ -383,6 +388,6 @@ fn squeezed(dims: &[usize]) -> Vec<usize> {
     sides
 }
 
-fn misshapen(name: &str, array: &Array, wanted: &str) -> ModelError {
-    ModelError::Output { output: short(name), why: format!("has the shape {:?}, which is not {wanted}", array.dims) }
+fn misshapen(name: &str, array: &Array, expected: &str) -> ModelError {
+    ModelError::Output { output: short(name), why: format!("its shape is {:?}, expected {expected}", array.dims) }
 }

@@ -1,7 +1,8 @@
-//! MoGe-2: focal length and shift of affine points, metres.
+//! MoGe-2: focal length and shift of affine points, and metres.
 //!
-//! Points are in OpenCV's axes (+X right, +Y down, +Z forward), known but for their shift along Z and their size: with the focal length `f` and the shift
-//! `s` they lie where the photo shows them, `f · (x, y) / (z + s) = (u, v)`. Wang et al., "MoGe" (CVPR 2025), section 3.1.
+//! Points are in OpenCV's axes (+X right, +Y down, +Z forward), up to scale and a shift along Z. With the focal length
+//! `f` and the shift `s` they project onto their pixels: `f · (x, y) / (z + s) = (u, v)`. Wang et al., "MoGe" (CVPR
+//! 2025), section 3.1.
 
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image};
@@ -9,54 +10,55 @@ use lo_imaging::{DepthMap, Image};
 use crate::FieldOfView;
 use crate::robust::{median, most_agreed, tukey};
 
-/// Below this, what the network says of a pixel is no reading.
-pub(crate) const SEEN: f32 = 0.5;
+/// A pixel with a smaller mask value has no reading.
+pub(crate) const MASK_THRESHOLD: f32 = 0.5;
 
-/// Points of the photo that the solution is found from, along each side.
+/// Points sampled along each side.
 const SAMPLES: usize = 64;
-/// A solution from fewer points than these is none.
+/// Fewest points for a solution.
 const MIN_COUNT: usize = 32;
-/// Spread of the points' distances over their mean below which focal length and shift cannot be told apart.
+/// Smallest relative spread of the points' distances that separates focal length from shift.
 const MIN_RELIEF: f64 = 0.02;
-/// A solution that fewer of the points agree with is none.
+/// Smallest share of agreeing points for a solution.
 const MIN_AGREE: f64 = 0.5;
-/// How far from where it is seen a point may lie to agree, in halves of the diagonal; where the lens is known, of which the network may think otherwise.
+/// Largest distance of an agreeing point's projection from its pixel, in half diagonals.
 const AGREES: f64 = 0.1;
+/// [`AGREES`] for a known lens, which may differ from the network's.
 const AGREES_WITH_KNOWN_LENS: f64 = 0.3;
 
-/// Why points are of no use.
+/// Errors of solving for focal length and shift.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PointsError {
-    /// Almost nothing is seen.
-    #[error("are there for {0} of the pixels that were looked at, too few to place them")]
+    /// Too few pixels have a point.
+    #[error("only {0} of the sampled pixels have a point")]
     TooFew(usize),
-    /// All is at one distance, as of a wall seen from straight ahead.
-    #[error("are all about as far, so that the lens cannot be told from them and must be given")]
+    /// All points are at one distance, such as a wall seen head-on.
+    #[error("all points are at about the same distance, so the lens cannot be inferred and must be given")]
     Flat,
-    /// Points and pixels do not fit together.
-    #[error("lie where the photo shows them for {:.0} % of the pixels, whatever the lens", 100.0 * .0)]
+    /// Points do not project onto their pixels.
+    #[error("at best {:.0} % of the points project onto their pixels", 100.0 * .0)]
     Scattered(f64),
-    /// No lens has such a field of view.
-    #[error("ask for a field of view of {0:.1} degrees")]
+    /// The field of view is not possible.
+    #[error("the points imply a field of view of {0:.1} degrees")]
     FieldOfView(f64),
-    /// The size of a metre is not a number above zero.
-    #[error("have a metric scale of {0}")]
+    /// The metric scale is not finite or not positive.
+    #[error("the metric scale is {0}")]
     Scale(f32),
 }
 
-/// Where affine points are.
+/// Solution for affine points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FocalShift {
-    /// Focal length in halves of the photo's diagonal; that of the camera where it was given.
+    /// Focal length in half diagonals of the photo; the camera's if it was given.
     pub focal: f64,
-    /// What is added to the points' Z, in their unit.
+    /// Shift that is added to the points' Z, in their unit.
     pub shift: f64,
-    /// Share of the looked-at points that lie within 5 % of the diagonal of where the photo shows them, 15 % where the lens is known.
+    /// Share of sampled points that project within 5 % of the diagonal of their pixel, 15 % if the lens is known.
     pub agree: f64,
 }
 
 impl FocalShift {
-    /// Angles that a photo of so many pixels shows with this lens, its principal point in the middle.
+    /// Field of view of a photo of `photo` pixels with this lens, principal point in the centre.
     pub fn field_of_view(&self, photo: (u32, u32)) -> FieldOfView {
         let (width, height) = (f64::from(photo.0), f64::from(photo.1));
         let angle = |side: f64| 2.0 * (side / width.hypot(height) / self.focal).atan().to_degrees();
@@ -64,13 +66,14 @@ impl FocalShift {
     }
 }
 
-/// Focal length and shift of `points` [h, w], which show a whole photo of `photo` pixels; the shift alone where the camera, in pixels of the photo, is known.
+/// Solves for focal length and shift of `points` [h, w], which show a whole photo of `photo` pixels; for the shift
+/// alone if the camera, in pixels of the photo, is known.
 ///
-/// Least squares of the distances in the picture with Tukey's weights, from the line that most of them agree with: a third of the points may
-/// be anywhere. `mask`, 0 to 1, leaves out what is below one half.
+/// Least squares of the projection errors with Tukey's weights, from the line that most points agree with. Up to a
+/// third of the points may be outliers. `mask`, 0 to 1, excludes pixels below one half.
 ///
 /// # Errors
-/// Too few points, points all at one distance where the lens is asked for, points that no lens explains.
+/// Too few points, points all at one distance with an unknown lens, points that no lens explains.
 pub(crate) fn focal_and_shift(
     points: &Image<[f32; 3]>,
     mask: Option<&Image<f32>>,
@@ -110,10 +113,10 @@ pub(crate) fn focal_and_shift(
     Ok(solved)
 }
 
-/// Metres along the optical axis; 0 where the mask is below one half, behind the camera, or not a number.
+/// Metres along the optical axis; 0 where masked, behind the camera, or not finite.
 ///
 /// # Errors
-/// A scale that is not a number above zero.
+/// A scale that is not finite or not positive.
 pub(crate) fn metres(
     points: &Image<[f32; 3]>,
     mask: Option<&Image<f32>>,
@@ -126,14 +129,15 @@ pub(crate) fn metres(
     let metres = |[_, _, z]: [f32; 3]| ((f64::from(z) + shift) * f64::from(metric_scale)) as f32;
     let reading = |x: usize, y: usize| {
         let z = metres(points.pixels()[y * points.width() + x]);
-        if seen(mask, x, y) && z.is_finite() && z > 0.0 { z } else { 0.0 }
+        if is_seen(mask, x, y) && z.is_finite() && z > 0.0 { z } else { 0.0 }
     };
     Ok(DepthMap::from_fn(points.width(), points.height(), reading))
 }
 
-/// Unit normals in OpenCV's axes to this project's, towards the camera; zero where the mask is below one half or there is no direction.
+/// Converts unit normals from OpenCV's axes to this project's, towards the camera; zero where masked or without
+/// direction.
 ///
-/// `half_width` and `half_height` are the picture's at one metre: tangents of half the angles that it shows.
+/// `half_width` and `half_height` are the image's at one metre: tangents of half the field of view.
 pub(crate) fn normals(
     opencv: &Image<[f32; 3]>,
     mask: Option<&Image<f32>>,
@@ -144,7 +148,7 @@ pub(crate) fn normals(
     Image::from_fn(width, height, |x, y| {
         let [nx, ny, nz] = opencv.pixels()[y * width + x];
         let normal = Vec3::new(nx, -ny, -nz).normalize_or_zero();
-        if !seen(mask, x, y) || !normal.is_finite() {
+        if !is_seen(mask, x, y) || !normal.is_finite() {
             return Vec3::ZERO;
         }
         let across = |index: usize, count: usize| (2.0 * index as f32 + 1.0) / count as f32 - 1.0;
@@ -153,29 +157,29 @@ pub(crate) fn normals(
     })
 }
 
-fn seen(mask: Option<&Image<f32>>, x: usize, y: usize) -> bool {
-    // NaN is not seen
-    mask.is_none_or(|mask| mask.pixels()[y * mask.width() + x] >= SEEN)
+fn is_seen(mask: Option<&Image<f32>>, x: usize, y: usize) -> bool {
+    // NaN counts as masked.
+    mask.is_none_or(|mask| mask.pixels()[y * mask.width() + x] >= MASK_THRESHOLD)
 }
 
-/// A point with its place in the picture, from the principal point, in halves of the diagonal.
+/// A point and its pixel, from the principal point, in half diagonals.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     point: [f64; 3],
-    place: [f64; 2],
-    /// `(z + s) / f` of the point by its `x` and `y` alone: least squares of `(x, y) = r · (u, v)`.
+    pixel: [f64; 2],
+    /// Least-squares estimate of `(z + s) / f` from `(x, y) = r · (u, v)`.
     ratio: f64,
 }
 
 impl Sample {
-    /// From where the photo shows the point to where the solution puts it.
+    /// Distance of the point's projection from its pixel; infinite behind the camera.
     fn miss(&self, focal: f64, shift: f64) -> f64 {
         let [x, y, z] = self.point;
         let depth = z + shift;
         if depth <= 0.0 {
             return f64::INFINITY;
         }
-        (focal * x / depth - self.place[0]).hypot(focal * y / depth - self.place[1])
+        (focal * x / depth - self.pixel[0]).hypot(focal * y / depth - self.pixel[1])
     }
 }
 
@@ -188,7 +192,7 @@ fn samples(
     let (width, height) = (f64::from(photo.0), f64::from(photo.1));
     let half_diagonal = 0.5 * width.hypot(height);
     let (cx, cy) = camera.map_or((0.5 * width, 0.5 * height), |camera| (camera.cx, camera.cy));
-    // Pixels that are not square are squeezed, so that one focal length serves both ways.
+    // Pixels that are not square are rescaled to one focal length.
     let (sx, sy) = camera.map_or((1.0, 1.0), |camera| {
         let focal = 0.5 * (camera.fx + camera.fy);
         (focal / camera.fx, focal / camera.fy)
@@ -199,26 +203,26 @@ fn samples(
         let x = (2 * column + 1) * points.width() / (2 * columns);
         let y = (2 * row + 1) * points.height() / (2 * rows);
         let point = points.pixels()[y * points.width() + x].map(f64::from);
-        if !seen(mask, x, y) || !point.iter().all(|value| value.is_finite()) {
+        if !is_seen(mask, x, y) || !point.iter().all(|value| value.is_finite()) {
             continue;
         }
         let u = ((x as f64 + 0.5) / points.width() as f64 * width - cx) * sx / half_diagonal;
         let v = ((y as f64 + 0.5) / points.height() as f64 * height - cy) * sy / half_diagonal;
         let square = u * u + v * v;
-        // In the middle of the picture x and y say nothing of the distance.
+        // In the centre of the image, x and y do not constrain the distance.
         if square > 0.01 {
-            samples.push(Sample { point, place: [u, v], ratio: (point[0] * u + point[1] * v) / square });
+            samples.push(Sample { point, pixel: [u, v], ratio: (point[0] * u + point[1] * v) / square });
         }
     }
     samples
 }
 
-/// Where the focal length is known each point tells a shift, `f · r − z`.
+/// Median of the points' shifts `f · r − z`, for a known focal length.
 fn shift_of_median(samples: &[Sample], focal: f64) -> f64 {
     median(&mut samples.iter().map(|sample| focal * sample.ratio - sample.point[2]).collect::<Vec<_>>())
 }
 
-/// Points lie on a line `z = f · r − s`: of lines through two points, the one that most agree with.
+/// The line `z = f · r − s` that most points agree with, among lines through two points.
 fn line_of_most(samples: &[Sample]) -> Result<(f64, f64), PointsError> {
     let mut sorted = samples.to_vec();
     sorted.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
@@ -233,7 +237,7 @@ fn line_of_most(samples: &[Sample]) -> Result<(f64, f64), PointsError> {
     let lines: Vec<_> = every(half, 400).map(through).filter(|(focal, _)| focal.is_finite() && *focal > 0.0).collect();
     let agreed = most_agreed(&lines, judges.len(), |(focal, shift), judge| judges[judge].miss(focal, shift));
     let ((focal, shift), most) = agreed.ok_or(PointsError::Flat)?;
-    // Relief of what agrees, since what does not is at any distance
+    // Spread of agreeing points only, since outliers may be anywhere.
     let agrees = |sample: &&Sample| sample.miss(focal, shift) <= most;
     let ratios: Vec<_> = samples.iter().filter(agrees).map(|sample| sample.ratio).collect();
     let mean = ratios.iter().sum::<f64>() / ratios.len().max(1) as f64;
@@ -244,7 +248,7 @@ fn line_of_most(samples: &[Sample]) -> Result<(f64, f64), PointsError> {
     Ok((focal, shift))
 }
 
-/// One step of Gauss and Newton on the weighted squares of the distances in the picture.
+/// One Gauss–Newton step on the weighted squares of the projection errors.
 fn step(samples: &[Sample], focal: f64, shift: f64, focal_is_known: bool) -> (f64, f64) {
     let misses: Vec<_> = samples.iter().map(|sample| sample.miss(focal, shift)).collect();
     let scale = 1.4826 * median(&mut misses.clone());
@@ -255,8 +259,8 @@ fn step(samples: &[Sample], focal: f64, shift: f64, focal_is_known: bool) -> (f6
             continue;
         }
         let depth = sample.point[2] + shift;
-        for (value, place) in [(sample.point[0], sample.place[0]), (sample.point[1], sample.place[1])] {
-            let error = focal * value / depth - place;
+        for (value, pixel) in [(sample.point[0], sample.pixel[0]), (sample.point[1], sample.pixel[1])] {
+            let error = focal * value / depth - pixel;
             let by_focal = if focal_is_known { 0.0 } else { value / depth };
             let by_shift = -focal * value / (depth * depth);
             ff += weight * by_focal * by_focal;
@@ -284,15 +288,15 @@ mod tests {
 
     const PHOTO: (u32, u32) = (640, 480);
 
-    /// A corner of a room: a floor, a side wall and a back wall, as metres along the axis at a place in the picture.
+    /// A corner of a room with floor, side wall and back wall: metres along the optical axis at a pixel.
     fn room(camera: &Camera, u: f64, v: f64) -> f64 {
-        // From −1 to 1 across the picture, so that a long lens sees as much of the walls
+        // From −1 to 1 across the image, so that a long lens sees as much of the walls.
         let (x, y) = (2.0 * u / f64::from(camera.width) - 1.0, 2.0 * v / f64::from(camera.height) - 1.0);
         let plane = |along: f64, distance: f64| if along > 0.0 { distance / along } else { f64::INFINITY };
         4.0f64.min(plane(y, 1.5)).min(plane(x, 2.0)).min(plane(-x + 0.3 * y, 3.0))
     }
 
-    /// Its affine points: so many times smaller, so much nearer.
+    /// The room's affine points: `size` times smaller and nearer by `shift`.
     fn affine(camera: &Camera, size: f64, shift: f64) -> Image<[f32; 3]> {
         Image::from_fn(160, 120, |x, y| {
             let (u, v) = (4.0 * (x as f64 + 0.5), 4.0 * (y as f64 + 0.5));
@@ -301,7 +305,7 @@ mod tests {
         })
     }
 
-    /// A number of 0 to 1 for each pixel, by Weyl's sequence.
+    /// A number of 0 to 1 for each pixel, from a Weyl sequence.
     fn dice(index: usize, stream: f64) -> f64 {
         (index as f64 * 0.618_033_988_749_895 + stream * index as f64 * 0.324_717_957_244_746).fract()
     }
@@ -312,7 +316,7 @@ mod tests {
         fn lens_and_shift_are_recovered_through_outliers(hfov in 30.0..110.0f64, size in 0.3..4.0f64, shift in -0.4..0.6f64) {
             let camera = Camera::from_hfov_deg(hfov, PHOTO.0, PHOTO.1).unwrap();
             let mut points = affine(&camera, size, shift);
-            // A fifth anywhere, and masked nonsense in a corner
+            // A fifth are outliers, and a masked corner is nonsense.
             for (index, point) in points.pixels_mut().iter_mut().enumerate() {
                 if dice(index, 0.0) < 0.2 {
                     *point = [1, 2, 3].map(|stream| (6.0 * dice(index, f64::from(stream)) - 2.0) as f32);
@@ -329,12 +333,13 @@ mod tests {
             prop_assert!((solved.shift - shift).abs() < 1e-3 * 4.0 / size, "{solved:?}, shift {shift}");
             prop_assert!((0.7..=0.9).contains(&solved.agree), "{solved:?}");
 
-            // Known lens: the shift alone, of a camera whose principal point and pixels are uneven
+            // Known lens: the shift alone, for a camera with an off-centre principal point and pixels that are not
+            // square.
             let camera = Camera::new(500.0, 520.0, 300.0, 250.0, PHOTO.0, PHOTO.1).unwrap();
             let solved = focal_and_shift(&affine(&camera, size, shift), Some(&mask), PHOTO, Some(&camera)).unwrap();
             prop_assert!((solved.shift - shift).abs() < 1e-3 * 4.0 / size, "{solved:?}, shift {shift}");
 
-            // Metres are those of the room, and the mask's corner is without.
+            // Metres are those of the room, and the masked corner has none.
             let depth = metres(&affine(&camera, size, shift), Some(&mask), solved.shift, size as f32).unwrap();
             for (x, y) in [(41, 0), (80, 60), (159, 119), (3, 100)] {
                 let truth = room(&camera, 4.0 * (x as f64 + 0.5), 4.0 * (y as f64 + 0.5));
@@ -358,13 +363,13 @@ mod tests {
 
     #[test]
     fn field_of_view_is_that_of_the_sides() {
-        // 3-4-5: a focal length of half the diagonal shows 2 atan(4/5) across and 2 atan(3/5) up
+        // 3-4-5: with a focal length of half the diagonal, 2 atan(4/5) across and 2 atan(3/5) up.
         let angles = FocalShift { focal: 1.0, shift: 0.0, agree: 1.0 }.field_of_view(PHOTO);
         assert!((angles.horizontal_deg - 77.319_617).abs() < 1e-5 && (angles.vertical_deg - 61.927_513).abs() < 1e-5);
     }
 
     #[test]
-    fn a_wall_straight_ahead_tells_no_lens_but_a_shift() {
+    fn a_wall_seen_head_on_determines_the_shift_alone() {
         let camera = Camera::from_hfov_deg(60.0, PHOTO.0, PHOTO.1).unwrap();
         let wall = |shift: f32| {
             Image::from_fn(160, 120, |x, y| {
@@ -378,16 +383,16 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_that_the_network_thinks_otherwise_of_is_believed() {
-        // 65 degrees are built in, 78 given: 0.79 times the focal length
-        let told = Camera::from_hfov_deg(65.0, PHOTO.0, PHOTO.1).unwrap();
+    fn a_given_lens_overrides_the_networks() {
+        // The points have 65 degrees, the given camera 78: 0.79 times the focal length.
+        let built_in = Camera::from_hfov_deg(65.0, PHOTO.0, PHOTO.1).unwrap();
         let given = Camera::from_hfov_deg(78.0, PHOTO.0, PHOTO.1).unwrap();
-        let points = affine(&told, 1.0, 0.2);
+        let points = affine(&built_in, 1.0, 0.2);
         let solved = focal_and_shift(&points, None, PHOTO, Some(&given)).unwrap();
         let depth = metres(&points, None, solved.shift, 1.0).unwrap();
-        // One shift for all distances makes up for a part of the focal length: between 4 m and what the given lens makes of them.
+        // One shift for all distances compensates a part of the focal length: between 4 m and 4 m times its ratio.
         let middle = f64::from(depth.pixels()[60 * 160 + 80]);
-        assert!((4.0 * given.fx / told.fx..4.0).contains(&middle) && solved.agree > 0.99, "{middle} m, {solved:?}");
+        assert!((4.0 * given.fx / built_in.fx..4.0).contains(&middle) && solved.agree > 0.99, "{middle} m, {solved:?}");
     }
 
     #[test]
@@ -414,17 +419,18 @@ mod tests {
         for scale in [0.0, -1.0, f32::NAN, f32::INFINITY] {
             assert!(matches!(metres(&points, None, 0.0, scale), Err(PointsError::Scale(_))));
         }
-        // Behind the camera is no reading
+        // Points behind the camera have no reading.
         assert!(metres(&points, None, -100.0, 1.0).unwrap().pixels().iter().all(|&z| z == 0.0));
     }
 
     #[test]
     fn normals_are_turned_into_our_axes_and_towards_the_camera() {
-        // OpenCV: a floor's normal is −Y, a wall's ahead −Z; the third points away and is turned, the fourth is masked
+        // In OpenCV's axes a floor's normal is −Y and that of a wall ahead −Z. The third points away and is flipped,
+        // the fourth is masked.
         let opencv = Image::new(4, 1, vec![[0.0, -2.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]);
         let mask = Image::new(4, 1, vec![1.0, 0.5, 1.0, 0.4]);
         let ours = normals(&opencv, Some(&mask), 1.0, 0.75);
-        // The floor is seen in the middle row: its normal is at right angles to the ray, and stays.
+        // The floor is in the middle row: its normal is perpendicular to the ray, and stays.
         assert_eq!(ours.pixels(), [Vec3::Y, Vec3::Z, Vec3::Z, Vec3::ZERO]);
         let strange = Image::new(2, 1, vec![[0.0; 3], [f32::NAN, 0.0, 1.0]]);
         assert_eq!(normals(&strange, None, 1.0, 1.0).pixels(), [Vec3::ZERO; 2]);

@@ -1,52 +1,53 @@
-//! A graph made ready for one size of photo: every size in it known before the run, and the memory that the run will take.
+//! Plans a graph for one photo size: determines every tensor size and the memory of the run.
 //!
-//! Nothing of a graph that is not known to be small is computed here, so a hostile file cannot make sizes explode; and nothing runs whose memory is not
-//! known.
+//! Only values that are known to be small are computed here, so a hostile file cannot make sizes explode. A graph runs
+//! only if its memory is known.
 
 use std::collections::{HashMap, HashSet, VecDeque};
 
 use crate::ModelError;
+use crate::facts::{Fact, Inputs, Known};
 use crate::onnx::{
     AttributeValue, Data, Dim, Element, Graph, MAX_DIM, MAX_NESTING, MAX_NODES, MAX_RANK, Node, Tensor, inlined_branch,
     product,
 };
 use crate::resize;
-use crate::shapes::{Fact, Inputs, Known, shape_range, shapes};
+use crate::shapes::{shape_range, shapes};
 
-/// Memory that weights and values of a run may take.
+/// Largest memory of a run, for weights and values.
 const MAX_RUN_BYTES: u64 = 1_900_000_000;
 
-/// Nodes that follow one another: the run time orders them by recursion ([`crate::runtime`] gives it the stack for so many).
+/// Longest chain of nodes. The runtime orders nodes recursively, on the stack that [`crate::runtime`] gives it.
 const MAX_CHAIN: usize = 10_000;
 
-/// Multiplications of a run: some minutes of an ordinary computer's time.
+/// Largest number of multiplications of a run: minutes on an ordinary computer.
 const MAX_PRODUCTS: f64 = 3e13;
 
-/// Values up to this many elements are computed before the run where they depend on no photo.
+/// Largest number of elements of a tensor that is computed before the run.
 const MAX_KNOWN: usize = 1 << 12;
 
-/// What is given to an input.
-pub(crate) enum Given {
-    /// Something of this size.
+/// Content of an input.
+pub(crate) enum InputContent {
+    /// An unknown tensor of this shape.
     Sized(Vec<usize>),
-    /// This very value, part of the graph from now on.
+    /// A known value, which becomes a constant of the graph.
     Value(Vec<usize>, Known),
 }
 
-/// Computes a node whose inputs are known and small: their names, sizes and values. `None` where the values are of other types than [`Known`] has.
+/// Computes a node from the names, shapes and values of its inputs; `None` if [`Known`] lacks the type of the result.
 pub(crate) type Evaluate<'a> = &'a dyn Fn(&Node, &[(String, Vec<usize>, Known)]) -> Result<Option<Values>, ModelError>;
 
-/// Sizes and values of a node's outputs.
+/// Shapes and values of a node's outputs.
 pub(crate) type Values = Vec<(Vec<usize>, Known)>;
 
-/// Makes a simplified graph ready for inputs of these sizes, with `weight_bytes` of weights.
+/// Plans a simplified graph for given inputs, with `weight_bytes` of weights.
 ///
 /// # Errors
-/// Sizes that do not fit or are not known before the run, operators that no depth network has, more memory or work than a run may take.
+/// Sizes that do not match or are not known before the run, unsupported operators, memory or work beyond the limits.
 pub(crate) fn plan(
     graph: &Graph,
     opset: i64,
-    given: &HashMap<String, Given>,
+    contents: &HashMap<String, InputContent>,
     wanted: &[String],
     weight_bytes: u64,
     evaluate: Evaluate<'_>,
@@ -62,34 +63,36 @@ pub(crate) fn plan(
     };
     let mut inputs = Vec::new();
     for input in &graph.inputs {
-        let fact = match given.get(&input.name) {
+        let fact = match contents.get(&input.name) {
             None => {
                 return Err(ModelError::Unsupported(format!(
-                    "nothing is known to give to its input \"{}\"",
+                    "there is no value for its input \"{}\"",
                     crate::error::short(&input.name)
                 )));
             }
-            Some(Given::Sized(dims)) => {
+            Some(InputContent::Sized(dims)) => {
                 let dims_info = dims.iter().map(|&dim| Dim::Fixed(dim)).collect();
                 inputs.push(crate::onnx::ValueInfo { dims: Some(dims_info), ..input.clone() });
                 Fact { dims: dims.clone(), known: None, constant: false }
             }
-            Some(Given::Value(dims, known)) => Fact { dims: dims.clone(), known: Some(known.clone()), constant: true },
+            Some(InputContent::Value(dims, known)) => {
+                Fact { dims: dims.clone(), known: Some(known.clone()), constant: true }
+            }
         };
         planner.facts.insert(input.name.clone(), fact);
     }
     planner.tensors(&graph.initializers)?;
-    // Only what is wanted, and what that needs.
+    // Only nodes that the requested outputs depend on.
     for node in needed(&graph.nodes, wanted)? {
         planner.node(node, 0)?;
     }
     planner.finish(inputs, wanted, weight_bytes)
 }
 
-/// Nodes that `wanted` depends on, each behind those whose outputs it takes. Files need not keep that order, though the standard says so.
+/// Nodes that `wanted` depends on, in topological order. The standard requires that order, but files may violate it.
 ///
 /// # Errors
-/// Nodes that take, over others, what they make.
+/// A cycle of nodes.
 fn needed<'a>(nodes: &'a [Node], wanted: &[String]) -> Result<Vec<&'a Node>, ModelError> {
     let makers: HashMap<&str, usize> = nodes
         .iter()
@@ -109,7 +112,7 @@ fn needed<'a>(nodes: &'a [Node], wanted: &[String]) -> Result<Vec<&'a Node>, Mod
     let mut first: Vec<usize> = wanted.iter().filter_map(|name| makers.get(name.as_str()).copied()).collect();
     first.sort_unstable();
     for root in first {
-        // Not recursive: a chain of nodes may be longer than the stack.
+        // Not recursive: a chain of nodes can exceed the stack.
         let mut open = vec![(root, if done[root] { Vec::new() } else { takes(root) })];
         begun[root] = true;
         while let Some((index, rest)) = open.last_mut() {
@@ -118,7 +121,7 @@ fn needed<'a>(nodes: &'a [Node], wanted: &[String]) -> Result<Vec<&'a Node>, Mod
                 Some(maker) if done[maker] => {}
                 Some(maker) if begun[maker] => {
                     return Err(ModelError::Malformed(format!(
-                        "its node {} takes what it makes",
+                        "its node {} depends on its own output",
                         nodes[maker].label()
                     )));
                 }
@@ -138,7 +141,7 @@ fn needed<'a>(nodes: &'a [Node], wanted: &[String]) -> Result<Vec<&'a Node>, Mod
     Ok(order)
 }
 
-/// What a node takes, and what its branches take.
+/// Names that a node and its branches use.
 fn names_used<'a>(node: &'a Node, into: &mut HashSet<&'a str>) {
     into.extend(node.inputs.iter().map(String::as_str));
     for attribute in &node.attributes {
@@ -172,7 +175,7 @@ impl Planner<'_> {
     fn define(&mut self, name: &str, fact: Fact) -> Result<(), ModelError> {
         match self.facts.insert(name.to_owned(), fact) {
             None => Ok(()),
-            Some(_) => Err(ModelError::Malformed(format!("\"{}\" is made twice", crate::error::short(name)))),
+            Some(_) => Err(ModelError::Malformed(format!("\"{}\" is defined twice", crate::error::short(name)))),
         }
     }
 
@@ -183,7 +186,7 @@ impl Planner<'_> {
         }
         let absent = node.inputs.iter().find(|name| !name.is_empty() && !self.facts.contains_key(*name));
         if let Some(absent) = absent {
-            return Err(refused(format!("takes \"{}\", which nothing before it makes", crate::error::short(absent))));
+            return Err(refused(format!("its input \"{}\" is not defined before it", crate::error::short(absent))));
         }
         if node.is_standard() && node.op == "If" {
             return self.branch(node, depth);
@@ -193,12 +196,12 @@ impl Planner<'_> {
         for dims in &sizes {
             let bytes = product(dims).and_then(|length| length.checked_mul(4)).map_or(u64::MAX, |bytes| bytes as u64);
             if bytes > MAX_RUN_BYTES || dims.iter().any(|&dim| dim > MAX_DIM) || dims.len() > MAX_RANK {
-                return Err(ModelError::TooLarge(format!("its node {} gives {dims:?} values", node.label())));
+                return Err(ModelError::TooLarge(format!("its node {} has an output of shape {dims:?}", node.label())));
             }
         }
         self.products += products(node, &inputs, &sizes);
         if self.products > MAX_PRODUCTS {
-            return Err(ModelError::TooLarge("a run takes more than 30,000,000 million multiplications".to_owned()));
+            return Err(ModelError::TooLarge("a run takes more than 3e13 multiplications".to_owned()));
         }
         let constant = inputs.iter().flatten().all(|fact| fact.constant);
         if let Some(values) = self.values(node, &inputs, &sizes)? {
@@ -210,7 +213,7 @@ impl Planner<'_> {
             return Ok(());
         }
         if node.op == "NonZero" {
-            return Err(refused("gives as many values as the photo makes it".to_owned()));
+            return Err(refused("the size of its output depends on the photo".to_owned()));
         }
         if matches!(node.op.as_str(), "Resize" | "Upsample") && node.is_standard() {
             let products =
@@ -236,14 +239,14 @@ impl Planner<'_> {
             }
         }
         self.nodes.push(match node.op.as_str() {
-            // Of use in training only.
+            // Active in training only.
             "Dropout" => Node::new("Identity", &[&node.inputs[0]], &node.outputs[0]),
             _ => convolution.unwrap_or_else(|| node.clone()),
         });
         Ok(())
     }
 
-    /// Values of a node that depends on nothing but what is known.
+    /// Values of a node with known inputs; `None` if they are unknown or too large.
     fn values(
         &self,
         node: &Node,
@@ -278,23 +281,23 @@ impl Planner<'_> {
         (self.evaluate)(node, &given)
     }
 
-    /// The branch of an `If` that its condition chooses.
+    /// Inlines the branch of an `If` that its condition selects.
     fn branch(&mut self, node: &Node, depth: usize) -> Result<(), ModelError> {
         let refused = |why: &str| ModelError::Node { node: node.label(), why: why.to_owned() };
         if depth > MAX_NESTING {
-            return Err(refused("lies too deep in other branches"));
+            return Err(refused("branches are nested too deeply"));
         }
         let chosen =
             match node.inputs.first().and_then(|name| self.facts.get(name)).and_then(|fact| fact.known.as_ref()) {
                 Some(Known::Ints(values)) if values.len() == 1 => values[0] != 0,
-                _ => return Err(refused("has a condition that is not known before the run")),
+                _ => return Err(refused("its condition is not known before the run")),
             };
         let name = if chosen { "then_branch" } else { "else_branch" };
-        let Some(AttributeValue::Graph(branch)) = node.value(name) else { return Err(refused("lacks a branch")) };
+        let Some(AttributeValue::Graph(branch)) = node.value(name) else { return Err(refused("a branch is missing")) };
         self.branches += 1;
         let (branch, outputs) = inlined_branch(branch, &format!("branch{}/", self.branches));
         if outputs.len() != node.outputs.len() {
-            return Err(refused("has a branch with another number of outputs"));
+            return Err(refused("a branch has a different number of outputs"));
         }
         self.tensors(&branch.initializers)?;
         for inner in needed(&branch.nodes, &outputs)? {
@@ -314,7 +317,7 @@ impl Planner<'_> {
     ) -> Result<Graph, ModelError> {
         let mut used: HashSet<&str> = wanted.iter().map(String::as_str).collect();
         used.extend(self.nodes.iter().flat_map(|node| &node.inputs).map(String::as_str));
-        // What became known is a constant of the new graph.
+        // Values that became known are constants of the new graph.
         let mut tensors: Vec<Tensor> = std::mem::take(&mut self.tensors);
         tensors.retain(|tensor| used.contains(tensor.name.as_str()));
         let have: HashSet<String> = tensors.iter().map(|tensor| tensor.name.clone()).collect();
@@ -335,19 +338,19 @@ impl Planner<'_> {
         for name in wanted {
             let fact = self.facts.get(name);
             let fact = fact.ok_or_else(|| {
-                ModelError::Malformed(format!("nothing makes its output \"{}\"", crate::error::short(name)))
+                ModelError::Malformed(format!("its output \"{}\" is not defined", crate::error::short(name)))
             })?;
             let dims = fact.dims.iter().map(|&dim| Dim::Fixed(dim)).collect();
             outputs.push(crate::onnx::ValueInfo { name: name.clone(), element: Element::default(), dims: Some(dims) });
         }
         if self.longest_chain() > MAX_CHAIN {
-            return Err(ModelError::TooLarge(format!("more than {MAX_CHAIN} of its nodes follow one another")));
+            return Err(ModelError::TooLarge(format!("a chain of its nodes is longer than {MAX_CHAIN}")));
         }
         let peaks = [false, true].map(|in_place_last| self.peak_bytes(wanted, &self.order(in_place_last)));
         let bytes = weight_bytes.saturating_add(peaks[0].max(peaks[1]));
         if bytes > MAX_RUN_BYTES {
             return Err(ModelError::TooLarge(format!(
-                "a run takes about {:.1} GB of memory, at most {:.1} are given",
+                "a run takes about {:.1} GB of memory, the limit is {:.1} GB",
                 bytes as f64 / 1e9,
                 MAX_RUN_BYTES as f64 / 1e9
             )));
@@ -355,7 +358,7 @@ impl Planner<'_> {
         Ok(Graph { nodes: self.nodes, initializers: tensors, inputs, outputs })
     }
 
-    /// Nodes of the longest way through the graph.
+    /// Number of nodes on the longest path through the graph.
     fn longest_chain(&self) -> usize {
         let mut depths: HashMap<&str, usize> = HashMap::new();
         let mut longest = 0;
@@ -367,7 +370,8 @@ impl Planner<'_> {
         longest
     }
 
-    /// The order in which rten runs the nodes: of those whose inputs are there the first, and first those that cannot write over an input.
+    /// The order in which rten runs the nodes: the first node with all inputs available; with `in_place_last`, nodes
+    /// that can overwrite an input wait for others.
     fn order(&self, in_place_last: bool) -> Vec<usize> {
         let mut takers: HashMap<&str, Vec<usize>> = HashMap::new();
         let makers: HashSet<&str> = self.nodes.iter().flat_map(|node| &node.outputs).map(String::as_str).collect();
@@ -396,8 +400,10 @@ impl Planner<'_> {
         order
     }
 
-    /// Most bytes that values take at one time in such an order: each lives from the node that makes it to the last that takes it; what depends on no
-    /// photo is made when the graph is loaded, and stays.
+    /// Peak memory of values in such an order, in bytes.
+    ///
+    /// A value lives from the node that computes it to the last that uses it. Values that are independent of the photo
+    /// are computed when the graph is loaded, and stay.
     fn peak_bytes(&self, wanted: &[String], order: &[usize]) -> u64 {
         let bytes = |name: &str| {
             self.facts.get(name).and_then(|fact| product(&fact.dims)).map_or(0, |length| 4 * length as u64)
@@ -407,7 +413,7 @@ impl Planner<'_> {
         for (at, node) in order.iter().map(|&index| &self.nodes[index]).enumerate() {
             let stays = node.outputs.iter().any(|output| !constant(output));
             for name in &node.inputs {
-                // A constant that a node of the run takes stays to the end.
+                // A constant that the run uses stays to the end.
                 let end = if stays && constant(name) { usize::MAX } else { at };
                 let known = last.entry(name).or_default();
                 *known = end.max(*known);
@@ -429,7 +435,7 @@ impl Planner<'_> {
     }
 }
 
-/// Whether rten writes a node's output over its input where that is free, and so runs it late.
+/// Whether rten can overwrite a node's input with its output, and therefore runs it late.
 fn writes_in_place(node: &Node) -> bool {
     const KINDS: [&str; 36] = [
         "Abs",
@@ -472,8 +478,8 @@ fn writes_in_place(node: &Node) -> bool {
     KINDS.contains(&node.op.as_str())
 }
 
-/// A `ConvInteger` with padding, as a `Pad` by the zero point and a `ConvInteger` without: rten 0.27 pads by 0, which is another number where the zero
-/// point is not. `None` where nothing is padded.
+/// Splits a `ConvInteger` with padding into a `Pad` by the zero point and a `ConvInteger` without padding; `None` if
+/// there is no padding. rten 0.27 pads by 0 even if the zero point differs.
 fn padded_first(node: &Node, inputs: &[Option<&Fact>]) -> Option<(Node, Tensor, Node)> {
     let pads = node.ints("pads").filter(|pads| pads.iter().any(|&pad| pad != 0))?;
     let axes = inputs.first().copied().flatten()?.dims.len().checked_sub(2).filter(|axes| 2 * axes == pads.len())?;
@@ -495,7 +501,7 @@ fn padded_first(node: &Node, inputs: &[Option<&Fact>]) -> Option<(Node, Tensor, 
     Some((Node::new("Pad", &[from, &by, zero_point], &padded), tensor, conv))
 }
 
-/// A convolution that says its strides, dilations and padding: rten 0.27 does not know the standard's for those of integers.
+/// A convolution with explicit strides, dilations and padding. rten 0.27 lacks their defaults for integer convolutions.
 fn with_steps(node: &Node, inputs: &[Option<&Fact>]) -> Node {
     let axes = inputs.first().copied().flatten().map_or(0, |fact| fact.dims.len().saturating_sub(2));
     let pads = node.text("auto_pad").is_none_or(|auto_pad| auto_pad == "NOTSET").then(|| ("pads", vec![0; 2 * axes]));
@@ -506,7 +512,7 @@ fn with_steps(node: &Node, inputs: &[Option<&Fact>]) -> Node {
     })
 }
 
-/// Values of a small tensor; of types that the run time keeps as integers of 32 bits or in single precision.
+/// Values of a small tensor, if the runtime stores its type as 32-bit integers or in single precision.
 fn known(tensor: &Tensor) -> Option<Known> {
     let Data::Bytes(bytes) = &tensor.data else { return None };
     if product(&tensor.dims)? > MAX_KNOWN {
@@ -526,7 +532,7 @@ fn known(tensor: &Tensor) -> Option<Known> {
     })
 }
 
-/// Multiplications of a node, about; 0 of those that multiply little.
+/// Approximate number of multiplications of a node.
 fn products(node: &Node, inputs: &[Option<&Fact>], sizes: &[Vec<usize>]) -> f64 {
     let count = |dims: &[usize]| dims.iter().map(|&dim| dim as f64).product::<f64>();
     let out = sizes.iter().map(|dims| count(dims)).sum::<f64>();

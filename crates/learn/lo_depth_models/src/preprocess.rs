@@ -1,4 +1,4 @@
-//! A photo as a model wants it.
+//! Conversion of a photo to a model's input.
 
 use lo_imaging::Image;
 use rayon::prelude::*;
@@ -8,15 +8,15 @@ use crate::recipe::Recipe;
 use crate::runtime::Array;
 use crate::{Layout, SizeRule};
 
-/// What a model is given, and how the photo lies in it.
+/// A model's input, and where the photo is in it.
 pub(crate) struct Prepared {
     pub array: Array,
-    /// Width and height of the photo in what the model is given, without padding.
+    /// Width and height of the photo in the input, without padding.
     pub photo: (usize, usize),
     pub letterbox: Option<Letterbox>,
 }
 
-/// Width and height of what a model is given.
+/// Width and height of a model's input.
 pub(crate) fn input_size(recipe: &Recipe, photo: (usize, usize)) -> (usize, usize) {
     recipe.size.size(photo)
 }
@@ -29,7 +29,9 @@ pub(crate) fn input_dims(layout: Layout, (width, height): (usize, usize)) -> Vec
     }
 }
 
-/// Resizes, pads and normalises. Smaller by the mean of what a pixel covers, larger by bilinear interpolation, of sRGB values as networks are trained.
+/// Resizes, pads and normalises a photo.
+///
+/// Resizing uses the area mean to shrink and bilinear interpolation to enlarge, on sRGB values as in training.
 pub(crate) fn prepared(recipe: &Recipe, photo: &Image<[u8; 3]>) -> Prepared {
     let whole = input_size(recipe, (photo.width(), photo.height()));
     let letterbox = match recipe.size {
@@ -40,14 +42,14 @@ pub(crate) fn prepared(recipe: &Recipe, photo: &Image<[u8; 3]>) -> Prepared {
     let small = lo_imaging::resize(&photo.map(|pixel| pixel.map(f32::from)), size.0, size.1);
     let (scale, mean, deviation) = (recipe.white / 255.0, recipe.mean, recipe.deviation);
     let padding = recipe.padding.unwrap_or(mean.map(|mean| mean / scale));
-    let picture = letterbox.map_or_else(|| small.clone(), |letterbox| letterbox.padded(&small, padding));
+    let image = letterbox.map_or_else(|| small.clone(), |letterbox| letterbox.padded(&small, padding));
     let value = |pixel: &[f32; 3], channel: usize| (pixel[channel] * scale - mean[channel]) / deviation[channel];
     let channel = |index: usize| if recipe.bgr { 2 - index } else { index };
     let values = match recipe.layout {
         Layout::Nchw => {
-            (0..3).flat_map(|index| picture.pixels().iter().map(move |pixel| value(pixel, channel(index)))).collect()
+            (0..3).flat_map(|index| image.pixels().iter().map(move |pixel| value(pixel, channel(index)))).collect()
         }
-        Layout::Nhwc => picture
+        Layout::Nhwc => image
             .pixels()
             .par_iter()
             .flat_map_iter(|pixel| (0..3).map(move |index| value(pixel, channel(index))))

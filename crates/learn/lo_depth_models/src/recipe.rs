@@ -1,24 +1,25 @@
-//! What a model wants to be given, and what it gives.
+//! A model's recipe: how to make its inputs and read its outputs.
 
 use std::collections::HashSet;
 
-use crate::config::ModelConfig;
-use crate::onnx::{Data, Dim, Element, Graph, Tensor, ValueInfo};
+use crate::config::{Channels, Focal, ModelConfig};
+use crate::onnx::{Data, Dim, Element, Graph, Tensor};
 use crate::{Kind, Layout, ModelError, SizeRule, depth_anything, metric3d};
 
-/// Tokens that MoGe-2 is given: its exporter's choice, of 1200 to 3600.
+/// Number of tokens for MoGe-2: its exporter's default, of 1200 to 3600.
 const MOGE_TOKENS: i64 = 1800;
 
-/// Longer side of the photo for MoGe-2, which makes it smaller inside by the tokens, and gives points of this size back. Estimation works at 480.
+/// Longer side of the photo for MoGe-2 in pixels. The network resizes it to its tokens and predicts points at this
+/// size. Estimation works at 480.
 const MOGE_LONGER_SIDE: usize = 720;
 
-/// Nodes at the beginning or the end of a graph that tell its family.
+/// Number of nodes at either end of a graph that are inspected for its family.
 const LOOKED_AT: usize = 100;
 
-/// How to use a model.
+/// Inputs and outputs of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Recipe {
-    /// The family, for people.
+    /// Display name of the family.
     pub family: String,
     pub input: String,
     pub layout: Layout,
@@ -28,47 +29,47 @@ pub(crate) struct Recipe {
     pub white: f32,
     pub mean: [f32; 3],
     pub deviation: [f32; 3],
-    /// What fills the rest of a letterbox, of 255; the mean where it is not said.
+    /// Colour around the photo in a letterbox, 0 to 255; the mean if absent.
     pub padding: Option<[f32; 3]>,
     pub size: SizeRule,
-    /// Further inputs of one integer each.
+    /// Further inputs, each one integer.
     pub integers: Vec<(String, i64)>,
     pub kind: Kind,
-    /// Depth or points.
+    /// Name of the output with depth or points.
     pub output: String,
     pub normals: Option<String>,
-    /// Concentration κ of the normals.
+    /// Name of the output with the concentration κ of the normals.
     pub normals_kappa: Option<String>,
     pub mask: Option<String>,
-    /// What points are multiplied by to be metres.
+    /// Name of the output with the factor from points to metres.
     pub scale: Option<String>,
-    /// Depth is that of a camera of so many pixels' focal length.
+    /// Focal length of the canonical camera in pixels, if depth depends on the focal length.
     pub canonical_focal_px: Option<f64>,
 }
 
 impl Recipe {
-    /// Of a simplified graph: by what is known of its family, and by what a config says.
+    /// Determines the recipe of a simplified graph from its family and from a config.
     ///
     /// # Errors
-    /// A model that is not known and no config, or a config that does not fit the graph.
+    /// An unknown model without a config, or a config that does not match the graph.
     pub fn of(graph: &Graph, config: Option<&ModelConfig>, file_name: &str) -> Result<Self, ModelError> {
         let known = known(graph, file_name);
         let recipe = match (known, config) {
             (Some(recipe), None) => recipe,
-            (known, Some(config)) => config.applied(known, graph)?,
+            (known, Some(config)) => Self::configured(known, config, graph)?,
             (None, None) => {
-                return Err(ModelError::Unknown { signature: signature(graph), config: ModelConfig::template(graph) });
+                return Err(ModelError::Unknown { signature: graph.signature(), config: ModelConfig::template(graph) });
             }
         };
         recipe.checked(graph)
     }
 
-    /// All outputs that are looked at.
+    /// Names of all outputs that are used.
     pub fn outputs(&self) -> Vec<String> {
         let others = [&self.normals, &self.normals_kappa, &self.mask, &self.scale];
         let mut outputs = vec![self.output.clone()];
         for name in others.into_iter().flatten() {
-            // The run time refuses to give one twice.
+            // The runtime rejects duplicates.
             if !outputs.contains(name) {
                 outputs.push(name.clone());
             }
@@ -76,8 +77,87 @@ impl Recipe {
         outputs
     }
 
+    /// Applies a config to the recipe of a known family, or to none.
+    ///
+    /// # Errors
+    /// Without a family: a config that lacks the kind, or a size, input or output that the graph does not determine.
+    fn configured(family: Option<Self>, config: &ModelConfig, graph: &Graph) -> Result<Self, ModelError> {
+        let images: Vec<&str> = graph
+            .inputs
+            .iter()
+            .filter(|info| info.dims.as_ref().is_none_or(|dims| dims.len() == 4))
+            .map(|info| info.name.as_str())
+            .collect();
+        let known = family.is_some();
+        let needed =
+            |what: &str| ModelError::Config(format!("it does not define {what}; the model has\n{}", graph.signature()));
+        let mut recipe = family.unwrap_or_else(|| Self {
+            family: String::new(),
+            input: if let [only] = images[..] { only.to_owned() } else { String::new() },
+            layout: Layout::Nchw,
+            bgr: false,
+            white: 1.0,
+            mean: [0.0; 3],
+            deviation: [1.0; 3],
+            padding: None,
+            // Replaced below, by the config or by the file.
+            size: SizeRule::Fixed { width: 0, height: 0 },
+            integers: Vec::new(),
+            kind: Kind::Metric,
+            output: if let [only] = &graph.outputs[..] { only.name.clone() } else { String::new() },
+            normals: None,
+            normals_kappa: None,
+            mask: None,
+            scale: None,
+            canonical_focal_px: None,
+        });
+        if !known && config.kind.is_none() {
+            return Err(needed("the kind (metric, inverse-affine, log or points)"));
+        }
+        recipe.family = config
+            .name
+            .clone()
+            .unwrap_or_else(|| if recipe.family.is_empty() { "by its config".to_owned() } else { recipe.family });
+        recipe.kind = config.kind.unwrap_or(recipe.kind);
+        recipe.input = config.input.clone().unwrap_or(recipe.input);
+        recipe.layout = config.layout.unwrap_or(recipe.layout);
+        recipe.bgr = config.channels.map_or(recipe.bgr, |channels| channels == Channels::Bgr);
+        recipe.white = config.white.unwrap_or(recipe.white);
+        recipe.mean = config.mean.unwrap_or(recipe.mean);
+        recipe.deviation = config.deviation.unwrap_or(recipe.deviation);
+        recipe.output = config.output.clone().unwrap_or(recipe.output);
+        recipe.normals = config.normals.clone().or(recipe.normals);
+        recipe.mask = config.mask.clone().or(recipe.mask);
+        recipe.scale = config.scale.clone().or(recipe.scale);
+        for (name, value) in &config.integers {
+            recipe.integers.retain(|(known, _)| known != name);
+            recipe.integers.push((name.clone(), *value));
+        }
+        match config.focal {
+            None => {}
+            Some(Focal::None) => recipe.canonical_focal_px = None,
+            Some(Focal::Canonical { pixels }) => recipe.canonical_focal_px = Some(pixels),
+        }
+        if recipe.input.is_empty() {
+            return Err(needed("the input for the photo"));
+        }
+        if recipe.output.is_empty() {
+            return Err(needed("the output with depth or points"));
+        }
+        let dims = graph.inputs.iter().find(|info| info.name == recipe.input).and_then(|info| info.dims.as_ref());
+        let fixed = dims.is_some_and(|dims| {
+            dims.len() == 4 && recipe.layout.axes()[1..].iter().all(|&axis| matches!(dims[axis], Dim::Fixed(_)))
+        });
+        match config.size {
+            Some(size) => recipe.size = size,
+            None if !known && !fixed => return Err(needed("the size")),
+            None => {}
+        }
+        Ok(recipe)
+    }
+
     fn checked(mut self, graph: &Graph) -> Result<Self, ModelError> {
-        let wrong = |why: String| Err(ModelError::Config(format!("{why}; the model has\n{}", signature(graph))));
+        let wrong = |why: String| Err(ModelError::Config(format!("{why}; the model has\n{}", graph.signature())));
         let Some(input) = graph.inputs.iter().find(|info| info.name == self.input) else {
             return wrong(format!("there is no input \"{}\"", self.input));
         };
@@ -86,7 +166,7 @@ impl Recipe {
         }
         if input.element != Element::F32 {
             return wrong(format!(
-                "its input \"{}\" takes {}, not numbers with a fraction",
+                "its input \"{}\" has the type {}, expected floating-point numbers",
                 self.input,
                 input.element.name()
             ));
@@ -95,9 +175,9 @@ impl Recipe {
             let axes = self.layout.axes();
             let free = |axis: usize, size: usize| matches!(&dims[axis], Dim::Free(_)) || dims[axis] == Dim::Fixed(size);
             if dims.len() != 4 || !free(0, 1) || !free(axes[0], 3) {
-                return wrong(format!("its input \"{}\" takes no picture of three channels", self.input));
+                return wrong(format!("its input \"{}\" is not an image with three channels", self.input));
             }
-            // What the file fixes is fixed.
+            // A size fixed in the file takes precedence.
             if let (Dim::Fixed(height), Dim::Fixed(width)) = (&dims[axes[1]], &dims[axes[2]]) {
                 let (width, height) = (*width, *height);
                 self.size = match self.size {
@@ -110,14 +190,14 @@ impl Recipe {
         }
         let given = |name: &str| name == self.input || self.integers.iter().any(|(known, _)| known == name);
         if let Some(open) = graph.inputs.iter().find(|info| !given(&info.name)) {
-            return wrong(format!("nothing is said of its input \"{}\"", crate::error::short(&open.name)));
+            return wrong(format!("there is no value for the input \"{}\"", crate::error::short(&open.name)));
         }
         self.size.check()?;
         Ok(self)
     }
 }
 
-/// The families that nothing needs to be said about.
+/// The recipe of a known family.
 fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
     let input = |name: &str| {
         graph.inputs.iter().any(|info| info.name == name && info.dims.as_ref().is_none_or(|dims| dims.len() == 4))
@@ -158,12 +238,12 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
             ..plain
         });
     }
-    let metric3d = |picture: &str, depth: String, normals: Option<String>, kappa: Option<String>| {
-        // Some exporters put the normalisation into the graph.
-        let inside = normalises(graph, picture);
+    let metric3d = |image: &str, depth: String, normals: Option<String>, kappa: Option<String>| {
+        // Some exporters include the normalisation in the graph.
+        let inside = normalises(graph, image);
         Recipe {
             family: "Metric3D v2".to_owned(),
-            input: picture.to_owned(),
+            input: image.to_owned(),
             white: 255.0,
             mean: if inside { [0.0; 3] } else { metric3d::MEAN },
             deviation: if inside { [1.0; 3] } else { metric3d::DEVIATION },
@@ -185,13 +265,13 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
         return Some(metric3d("image", depth, None, None));
     }
     let alone = graph.inputs.len() == 1 && graph.outputs.len() == 1;
-    // Names of `transformers`, and those that the project's own code is exported with. Other networks of these names (DPT, ZoeDepth, Depth Pro) have patches
-    // of other sizes; of quantised ones it is not seen.
+    // Names used by `transformers`, and by exports of the publisher's code. Other networks with these names (DPT,
+    // ZoeDepth, Depth Pro) have patches of other sizes. In quantised networks the size is not visible.
     let patches = patches_of_14(graph);
-    for (picture, depth, known) in
+    for (image, depth, known) in
         [("pixel_values", "predicted_depth", patches != Some(false)), ("image", "depth", patches == Some(true))]
     {
-        let (true, true, Some(depth)) = (alone && known, input(picture), output(depth)) else { continue };
+        let (true, true, Some(depth)) = (alone && known, input(image), output(depth)) else { continue };
         let kind = depth_anything::kind(backwards(graph, &depth)).or_else(|| {
             let name = file_name.to_ascii_lowercase();
             let metric = ["metric", "indoor", "outdoor"].iter().any(|word| name.contains(word));
@@ -204,7 +284,7 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
         };
         return Some(Recipe {
             family: name.to_owned(),
-            input: picture.to_owned(),
+            input: image.to_owned(),
             mean: depth_anything::MEAN,
             deviation: depth_anything::DEVIATION,
             kind,
@@ -215,7 +295,7 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
     None
 }
 
-/// Operators from an output back, each time along the first input.
+/// Operators from an output backwards, along the first inputs.
 fn backwards<'a>(graph: &'a Graph, output: &'a str) -> impl Iterator<Item = &'a str> {
     let mut at = output;
     let mut left = LOOKED_AT;
@@ -227,14 +307,14 @@ fn backwards<'a>(graph: &'a Graph, output: &'a str) -> impl Iterator<Item = &'a 
     })
 }
 
-/// Whether the first convolution takes patches of 14 × 14 pixels; `None` where there is none whose weights are seen.
+/// Whether the first convolution has patches of 14 × 14 pixels; `None` if its weights are not found.
 fn patches_of_14(graph: &Graph) -> Option<bool> {
     let first = graph.nodes.iter().find(|node| node.op == "Conv")?;
     let tensor = graph.initializers.iter().find(|tensor| Some(&tensor.name) == first.inputs.get(1))?;
     Some(tensor.dims.ends_with(&[3, 14, 14]))
 }
 
-/// Whether a graph subtracts the mean of 0–255 itself, before anything is convolved.
+/// Whether a graph subtracts Metric3D's mean itself, before the first convolution.
 fn normalises(graph: &Graph, input: &str) -> bool {
     let mut derived: HashSet<&str> = HashSet::from([input]);
     for node in graph.nodes.iter().take(LOOKED_AT).take_while(|node| node.op != "Conv") {
@@ -253,28 +333,8 @@ fn normalises(graph: &Graph, input: &str) -> bool {
 fn is_mean(tensor: &Tensor) -> bool {
     let Data::Bytes(bytes) = &tensor.data else { return false };
     let values = bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes).abs());
-    // Half precision has steps of 1/16 there.
+    // Half precision has steps of 1/16 at these values.
     tensor.element == Element::F32
         && bytes.len() == 12
         && values.zip(metric3d::MEAN).all(|(value, mean)| (value - mean).abs() < 0.1)
-}
-
-/// Inputs and outputs, one a line.
-pub(crate) fn signature(graph: &Graph) -> String {
-    let line = |what: &str, info: &ValueInfo| {
-        format!("  {what:<6} {}  {} {}", crate::error::short(&info.name), info.element.name(), dims_text(info))
-    };
-    let inputs = graph.inputs.iter().map(|info| line("input", info));
-    let outputs = graph.outputs.iter().map(|info| line("output", info));
-    inputs.chain(outputs).take(40).collect::<Vec<_>>().join("\n")
-}
-
-fn dims_text(info: &ValueInfo) -> String {
-    let Some(dims) = &info.dims else { return "of any shape".to_owned() };
-    let dim = |dim: &Dim| match dim {
-        Dim::Fixed(size) => size.to_string(),
-        Dim::Free(name) if name.is_empty() => "?".to_owned(),
-        Dim::Free(name) => crate::error::short(name),
-    };
-    format!("[{}]", dims.iter().map(dim).collect::<Vec<_>>().join(", "))
 }

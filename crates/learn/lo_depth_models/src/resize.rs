@@ -1,15 +1,16 @@
-//! ONNX' `Resize` and `Upsample` as matrices: along each axis, what comes out is a matrix times what goes in.
+//! ONNX' `Resize` and `Upsample` as matrix products: along each axis, the output is a matrix times the input.
 //!
-//! rten 0.27 computes `cubic` as `linear`, refuses `antialias`, and lets nobody put an operator in the place of its own. With sizes known before the run,
-//! every mode of the standard is two products that it does well. Definition: <https://onnx.ai/onnx/operators/onnx__Resize.html>.
+//! rten 0.27 computes `cubic` as `linear`, rejects `antialias`, and does not let callers replace its operators. With
+//! sizes known before the run, every mode of the standard becomes two matrix products. Definition:
+//! <https://onnx.ai/onnx/operators/onnx__Resize.html>.
 
+use crate::facts::{Fact, Inputs};
 use crate::onnx::{AttributeValue, Node, Tensor, product};
-use crate::shapes::{Fact, Inputs};
 
-/// Largest matrix along an axis.
+/// Largest number of elements of a matrix.
 const MAX_MATRIX: usize = 1 << 24;
 
-/// Sizes that a `Resize` or `Upsample` gives.
+/// Output sizes of a `Resize` or `Upsample` node.
 pub(crate) fn output_dims(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     Ok(axes_of(x)?.into_iter().map(|axis| axis.new).collect())
 }
@@ -17,31 +18,31 @@ pub(crate) fn output_dims(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
 /// Nodes and their constants.
 pub(crate) type Products = (Vec<Node>, Vec<Tensor>);
 
-/// Nodes and constants that do the work of a node, where the run time would do it otherwise than the standard says; `None` where it does it right.
+/// Nodes and constants that replace a node; `None` if the runtime computes it by the standard.
 pub(crate) fn as_products(x: &Inputs<'_>) -> Result<Option<Products>, String> {
     let axes = axes_of(x)?;
-    let how = How::of(x)?;
-    if how.native(x, &axes) {
+    let attributes = Attributes::of(x)?;
+    if attributes.native(x, &axes) {
         return Ok(None);
     }
-    // As onnxruntime has it: where no size changes, nothing is resized, whatever the scales.
-    let unchanged = how.coordinates != "tf_crop_and_resize" && axes.iter().all(|axis| axis.old == axis.new);
+    // onnxruntime resizes nothing if no size changes, whatever the scales.
+    let unchanged = attributes.coordinates != "tf_crop_and_resize" && axes.iter().all(|axis| axis.old == axis.new);
     let mut matrices = Vec::new();
     for (index, axis) in axes.iter().enumerate().filter(|_| !unchanged) {
-        let rows = axis.rows(&how);
+        let rows = axis.rows(&attributes);
         if rows.iter().enumerate().any(|(at, row)| axis.old != axis.new || row[..] != [(at, 1.0)]) {
             if product(&[axis.old, axis.new]).is_none_or(|size| size > MAX_MATRIX) {
-                return Err(format!("resizes {} to {}, which is too large", axis.old, axis.new));
+                return Err(format!("resizing {} to {} takes too large a matrix", axis.old, axis.new));
             }
             matrices.push((index, axis, rows));
         }
     }
-    // What shrinks most comes first: less is left to do.
+    // The axis that shrinks most comes first, to reduce the work for the others.
     matrices.sort_by(|(_, a, _), (_, b, _)| (a.new * b.old).cmp(&(b.new * a.old)));
-    let output = x.node.outputs.first().ok_or("gives nothing")?;
+    let output = x.node.outputs.first().ok_or("there is no output")?;
     let rank = axes.len();
     let (mut nodes, mut tensors): (Vec<Node>, Vec<Tensor>) = (Vec::new(), Vec::new());
-    let mut at = x.node.inputs.first().cloned().ok_or("takes nothing")?;
+    let mut at = x.node.inputs.first().cloned().ok_or("there is no input")?;
     for (index, axis, rows) in matrices {
         let name = |what: &str| format!("{output}#{index}{what}");
         let turned = index + 2 != rank;
@@ -79,9 +80,9 @@ pub(crate) fn as_products(x: &Inputs<'_>) -> Result<Option<Products>, String> {
 struct Axis {
     old: usize,
     new: usize,
-    /// New over old, as the node says it.
+    /// Ratio of new to old length, as given by the node.
     scale: f64,
-    /// Part of the old axis that is looked at, where `tf_crop_and_resize` says it.
+    /// Cropped range of the old axis, for `tf_crop_and_resize`.
     crop: (f64, f64),
 }
 
@@ -92,8 +93,8 @@ enum Mode {
     Cubic,
 }
 
-/// What holds for all axes.
-struct How {
+/// Attributes for all axes.
+struct Attributes {
     mode: Mode,
     coordinates: String,
     nearest: String,
@@ -102,14 +103,14 @@ struct How {
     exclude_outside: bool,
 }
 
-impl How {
+impl Attributes {
     fn of(x: &Inputs<'_>) -> Result<Self, String> {
         let text = |name: &str, usual: &str| x.node.text(name).unwrap_or(usual).to_owned();
         let mode = match text("mode", "nearest").as_str() {
             "nearest" => Mode::Nearest,
             "linear" => Mode::Linear,
             "cubic" => Mode::Cubic,
-            other => return Err(format!("resizes by the mode {other}, which the standard does not have")),
+            other => return Err(format!("the mode {other} is not in the standard")),
         };
         // Before version 11, `Resize` was `Upsample`.
         let old = x.opset < 11 || x.node.op == "Upsample";
@@ -125,13 +126,13 @@ impl How {
             "tf_crop_and_resize",
         ];
         if !COORDINATES.contains(&coordinates.as_str()) {
-            return Err(format!("resizes by the coordinates {coordinates}, which the standard does not have"));
+            return Err(format!("the coordinate transformation {coordinates} is not in the standard"));
         }
         if !["round_prefer_floor", "round_prefer_ceil", "floor", "ceil"].contains(&nearest.as_str()) {
-            return Err(format!("resizes to the nearest by {nearest}, which the standard does not have"));
+            return Err(format!("the nearest mode {nearest} is not in the standard"));
         }
         if coordinates == "tf_crop_and_resize" && x.node.float("extrapolation_value").unwrap_or(0.0) != 0.0 {
-            return Err("fills what lies outside with another value than 0".to_owned());
+            return Err("extrapolation values other than 0 are not supported".to_owned());
         }
         Ok(Self {
             antialias: mode != Mode::Nearest && x.node.int("antialias").unwrap_or(0) != 0,
@@ -143,8 +144,10 @@ impl How {
         })
     }
 
-    /// Whether rten 0.27 computes it as the standard says. Of nearest ones only scales of 2ⁿ: it multiplies where others divide, and what lies just
-    /// between two pixels falls to the other side.
+    /// Whether rten 0.27 computes the node by the standard.
+    ///
+    /// The mode `nearest` needs scales of 2ⁿ: rten multiplies where others divide, which rounds positions halfway
+    /// between two pixels to the other one.
     fn native(&self, x: &Inputs<'_>, axes: &[Axis]) -> bool {
         const COORDINATES: [&str; 4] = ["half_pixel", "asymmetric", "align_corners", "pytorch_half_pixel"];
         let node = x.node;
@@ -187,7 +190,7 @@ fn axes_of(x: &Inputs<'_>) -> Result<Vec<Axis>, String> {
             all[axis].crop = (roi[index], roi[index + named.len()]);
         }
     }
-    let misfit = || format!("resizes {dims:?} by lists of another length");
+    let misfit = || format!("the sizes or scales do not match the shape {dims:?}");
     match (sizes, scales) {
         (Some(sizes), _) => {
             if !right(&sizes, 1) {
@@ -216,26 +219,27 @@ fn axes_of(x: &Inputs<'_>) -> Result<Vec<Axis>, String> {
                 all[axis].scale = scale;
             }
         }
-        (None, None) => return Err("says neither sizes nor scales".to_owned()),
+        (None, None) => return Err("sizes and scales are missing".to_owned()),
     }
     let usable = |axis: &Axis| axis.old > 0 && axis.new > 0 && axis.scale.is_finite() && axis.scale > 0.0;
     if !all.iter().all(usable) {
-        return Err(format!("resizes {dims:?} to nothing"));
+        return Err(format!("the shape {dims:?} cannot be resized to an empty one"));
     }
     Ok(all)
 }
 
 fn whole(size: f64) -> Result<usize, String> {
-    if (0.0..1e9).contains(&size) { Ok(size as usize) } else { Err(format!("resizes to {size}")) }
+    if (0.0..1e9).contains(&size) { Ok(size as usize) } else { Err(format!("the new size is {size}")) }
 }
 
 impl Axis {
-    /// Of each new place the old places with their weights.
-    fn rows(&self, how: &How) -> Vec<Vec<(usize, f64)>> {
-        (0..self.new).map(|new| self.row(how, self.coordinate(&how.coordinates, new), new)).collect()
+    /// Old positions with their weights, for each new position.
+    fn rows(&self, attributes: &Attributes) -> Vec<Vec<(usize, f64)>> {
+        (0..self.new).map(|new| self.row(attributes, self.coordinate(&attributes.coordinates, new), new)).collect()
     }
 
-    /// The old place of a new one. In single precision and in onnxruntime's order of operations: `floor` and `ceil` depend on the last bit.
+    /// Old coordinate of a new position, in single precision and in onnxruntime's order of operations, since `floor`
+    /// and `ceil` depend on the last bit.
     fn coordinate(&self, coordinates: &str, new: usize) -> f64 {
         let (new, scale) = (new as f32, self.scale as f32);
         let (old_length, new_length) = (self.old as f32, self.new as f32);
@@ -262,17 +266,17 @@ impl Axis {
         f64::from(at)
     }
 
-    fn row(&self, how: &How, at: f64, new: usize) -> Vec<(usize, f64)> {
+    fn row(&self, attributes: &Attributes, at: f64, new: usize) -> Vec<(usize, f64)> {
         let last = (self.old - 1) as f64;
-        if how.coordinates == "tf_crop_and_resize" && !(0.0..=last).contains(&at) {
+        if attributes.coordinates == "tf_crop_and_resize" && !(0.0..=last).contains(&at) {
             return Vec::new();
         }
-        // Nothing is resized along an axis that keeps its length and scale.
-        if how.coordinates != "tf_crop_and_resize" && self.old == self.new && self.scale == 1.0 {
+        // An axis that keeps its length and scale is not resized.
+        if attributes.coordinates != "tf_crop_and_resize" && self.old == self.new && self.scale == 1.0 {
             return vec![(new, 1.0)];
         }
-        if how.mode == Mode::Nearest {
-            let nearest = match how.nearest.as_str() {
+        if attributes.mode == Mode::Nearest {
+            let nearest = match attributes.nearest.as_str() {
                 "round_prefer_floor" => (at - 0.5).ceil(),
                 "round_prefer_ceil" => (at + 0.5).floor(),
                 "floor" => at.floor(),
@@ -280,17 +284,17 @@ impl Axis {
             };
             return vec![(nearest.clamp(0.0, last) as usize, 1.0)];
         }
-        let kernel = |x: f64| match how.mode {
-            Mode::Cubic => cubic(x, how.cubic_coeff_a),
+        let kernel = |x: f64| match attributes.mode {
+            Mode::Cubic => cubic(x, attributes.cubic_coeff_a),
             _ => (1.0 - x.abs()).max(0.0),
         };
-        let stretch = if how.antialias { self.scale.min(1.0) } else { 1.0 };
-        let reach = if how.mode == Mode::Cubic { 2.0 } else { 1.0 } / stretch;
+        let stretch = if attributes.antialias { self.scale.min(1.0) } else { 1.0 };
+        let reach = if attributes.mode == Mode::Cubic { 2.0 } else { 1.0 } / stretch;
         let (first, end) = ((at - reach).ceil() as i64, (at + reach).floor() as i64);
         let taps = (first..=end).map(|tap| (tap, kernel(stretch * (tap as f64 - at))));
         let inside = |tap: i64| (0..self.old as i64).contains(&tap);
         let mut row: Vec<(usize, f64)> = taps
-            .filter(|&(tap, weight)| weight != 0.0 && (inside(tap) || !how.exclude_outside))
+            .filter(|&(tap, weight)| weight != 0.0 && (inside(tap) || !attributes.exclude_outside))
             .map(|(tap, weight)| (tap.clamp(0, self.old as i64 - 1) as usize, weight))
             .collect();
         let sum: f64 = row.iter().map(|(_, weight)| weight).sum();
@@ -299,7 +303,7 @@ impl Axis {
     }
 }
 
-/// One entry for each old place.
+/// Merges adjacent entries for the same old position.
 fn merged(row: Vec<(usize, f64)>) -> Vec<(usize, f64)> {
     let mut merged: Vec<(usize, f64)> = Vec::with_capacity(row.len());
     for (tap, weight) in row {
@@ -323,7 +327,7 @@ fn cubic(x: f64, a: f64) -> f64 {
     }
 }
 
-/// What is known of a matrix that [`as_products`] made.
+/// Properties of a matrix from [`as_products`].
 pub(crate) fn matrix_fact(matrix: &Tensor) -> Fact {
     Fact { dims: matrix.dims.clone(), known: None, constant: true }
 }

@@ -1,6 +1,7 @@
-//! What the fits that must bear outliers share.
+//! Robust statistics for fits with outliers.
 
-/// The middle of numbers that may be infinite, the mean of the middle two of an even count; NaN of none. The order is lost.
+/// Median of numbers that may be infinite, the mean of the middle two for an even count; NaN if empty. Reorders
+/// `values`.
 pub(crate) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return f64::NAN;
@@ -11,17 +12,19 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
     lower.map_or(upper, |lower| 0.5 * (lower + upper))
 }
 
-/// Tukey's biweight of an error, of errors with a standard deviation of `scale`: 1 at none, 0 from 4.685 deviations.
+/// Tukey's biweight of an error, given the standard deviation `scale`: 1 at zero, 0 from 4.685 deviations on.
 pub(crate) fn tukey(error: f64, scale: f64) -> f64 {
-    // Exact data have no scatter at all.
+    // Exact data have a deviation of 0.
     let share = error / (4.685 * scale.max(1e-9));
     if share.abs() < 1.0 { (1.0 - share * share).powi(2) } else { 0.0 }
 }
 
-/// Of two numbers `candidates`, those that most of the samples `0..samples` agree with, and how far a sample that agrees may be off.
+/// The pair of `candidates` that most of the samples `0..samples` agree with, and the largest error of an agreeing
+/// sample.
 ///
-/// The median of the errors sets the scale (Rousseeuw's least median of squares), and the squares of the errors, none larger than 2.5 deviations,
-/// decide: a wall that has more than half of the picture to itself leaves the rest a say. `None` where no candidate has a finite median.
+/// The least median of squares (Rousseeuw) sets the scale. The sum of squared errors, each clamped to 2.5 deviations,
+/// decides, so that the other samples count even where one wall fills more than half of the photo. `None` if no
+/// candidate has a finite median.
 pub(crate) fn most_agreed(
     candidates: &[(f64, f64)],
     samples: usize,
@@ -33,7 +36,7 @@ pub(crate) fn most_agreed(
         .map(|&candidate| median(&mut errors(candidate)))
         .filter(|error| error.is_finite())
         .min_by(f64::total_cmp)?;
-    // Exact data have no scatter, but f32's.
+    // Exact data have only the error of f32.
     let most = 2.5 * 1.4826 * least.max(1e-4);
     let cost = |candidate| errors(candidate).iter().map(|error| error.min(most).powi(2)).sum::<f64>();
     let costs = candidates.iter().map(|&candidate| (cost(candidate), candidate));
@@ -55,8 +58,8 @@ mod tests {
     }
 
     #[test]
-    fn a_majority_that_fits_any_line_leaves_the_rest_a_say() {
-        // Three of five samples at one place, which all lines go through, one on the line y = 2 x + 1, one anywhere
+    fn a_majority_that_fits_any_line_does_not_decide_alone() {
+        // Three of five samples at one point on all lines, one on the line y = 2 x + 1, one outlier.
         let samples = [(0.0, 1.0), (0.0, 1.0), (0.0, 1.0), (1.0, 3.0), (2.0, -9.0)];
         let lines = [(0.0, 1.0), (2.0, 1.0), (-1.0, 1.0), (2.0, f64::INFINITY)];
         let error = |(a, b): (f64, f64), sample: usize| a * samples[sample].0 + b - samples[sample].1;
@@ -70,7 +73,7 @@ mod tests {
         assert_eq!(tukey(0.0, 2.0), 1.0);
         assert_eq!(tukey(9.37, 2.0), 0.0);
         assert_eq!(tukey(f64::INFINITY, 2.0), 0.0);
-        // (1 − 1/4)² halfway
+        // (1 − 1/4)² halfway.
         assert!((tukey(4.685, 2.0) - 0.5625).abs() < 1e-12);
     }
 }

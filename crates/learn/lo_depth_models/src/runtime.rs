@@ -1,7 +1,7 @@
-//! rten behind one small interface: a graph is loaded, given arrays, and gives arrays.
+//! A small interface to rten: loads a graph, runs it on arrays and returns arrays.
 //!
-//! What a graph may ask for is limited before it comes here ([`crate::plan`]). rten itself is some 60,000 lines that were not written for hostile files; a
-//! panic in it is caught at this boundary and becomes an error, as with foreign picture decoders.
+//! [`crate::plan`] limits memory and work of a graph before it gets here. rten has some 60,000 lines and does not aim
+//! at hostile files, so a panic in it is caught here and becomes an error, as for third-party image decoders.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -12,16 +12,17 @@ use rten_tensor::prelude::*;
 use rten_tensor::{Tensor, TensorView};
 
 use crate::ModelError;
+use crate::facts::Known;
 use crate::onnx::{Dim, Element, Graph, Node, ValueInfo, WEIGHTS_FILE, Weights, product, write_model};
 use crate::plan::Values;
-use crate::shapes::Known;
 
-/// rten orders a graph's nodes by recursion along them; [`crate::plan`] limits how far that goes.
+/// Stack for rten, which orders nodes recursively. [`crate::plan`] limits the depth.
 const STACK_BYTES: usize = 64 << 20;
 
 /// Loads and evaluates graphs that share weights.
 ///
-/// A thread of its own does it: it has the stack for rten's recursion, and rten's table of operators, which may not leave a thread.
+/// Works on its own thread, which has the stack for rten's recursion and rten's table of operators, which is not
+/// `Send`.
 pub(crate) struct Runtime {
     jobs: Sender<Job>,
     opsets: Vec<(String, i64)>,
@@ -30,12 +31,12 @@ pub(crate) struct Runtime {
 
 type Job = Box<dyn FnOnce(&ModelOptions) + Send>;
 
-/// A graph that can be run.
+/// A graph that is ready to run.
 pub(crate) struct Loaded {
     model: Model,
 }
 
-/// An array of single precision.
+/// An array in single precision.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Array {
     pub dims: Vec<usize>,
@@ -43,10 +44,10 @@ pub(crate) struct Array {
 }
 
 impl Runtime {
-    /// Takes the weights.
+    /// Takes the weights and starts the thread.
     ///
     /// # Errors
-    /// Where the system gives no thread.
+    /// The system cannot start a thread.
     pub fn new(weights: Weights, opsets: Vec<(String, i64)>) -> Result<Self, ModelError> {
         let weight_bytes = weights.0.len() as u64;
         let (jobs, queue) = channel::<Job>();
@@ -60,14 +61,17 @@ impl Runtime {
         Ok(Self { jobs, opsets, weight_bytes })
     }
 
-    /// Does something on the thread of its own.
-    fn done<T: Send + 'static>(&self, work: impl FnOnce(&ModelOptions) -> T + Send + 'static) -> Result<T, ModelError> {
+    /// Runs a closure on the runtime's thread and waits for its result.
+    fn on_thread<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&ModelOptions) -> T + Send + 'static,
+    ) -> Result<T, ModelError> {
         let (answer, answers) = channel();
         let job = move |options: &ModelOptions| {
-            // Whoever asked waits for the answer, so it can be sent.
-            _ = answer.send(caged(|| work(options)));
+            // The caller waits for the answer, so sending cannot fail.
+            _ = answer.send(catching_panics(|| work(options)));
         };
-        let gone = || ModelError::Run("its thread has ended".to_owned());
+        let gone = || ModelError::Run("the runtime's thread has ended".to_owned());
         self.jobs.send(Box::new(job)).map_err(|_| gone())?;
         answers.recv().map_err(|_| gone())?
     }
@@ -76,14 +80,14 @@ impl Runtime {
         self.weight_bytes
     }
 
-    /// Loads a graph and makes it quick.
+    /// Loads a graph and optimises it.
     pub fn load(&self, graph: &Graph) -> Result<Loaded, ModelError> {
         let bytes = write_model(graph, &self.opsets);
-        let model = self.done(move |options| options.load(bytes).map_err(|error| one_line(&error.to_string())))?;
+        let model = self.on_thread(move |options| options.load(bytes).map_err(|error| one_line(&error.to_string())))?;
         Ok(Loaded { model: model.map_err(ModelError::Unsupported)? })
     }
 
-    /// Computes one node from known values.
+    /// Computes one node from known values; `None` if an output is neither `i32` nor `f32`.
     pub fn evaluate(&self, node: &Node, given: &[(String, Vec<usize>, Known)]) -> Result<Option<Values>, ModelError> {
         let refused = |why: String| ModelError::Node { node: node.label(), why: one_line(&why) };
         let info =
@@ -100,7 +104,7 @@ impl Runtime {
         let graph = Graph { nodes: vec![node.clone()], initializers: Vec::new(), inputs, outputs };
         let bytes = write_model(&graph, &self.opsets);
         let (names, given): (Vec<String>, Vec<_>) = (names.into_iter().map(str::to_owned).collect(), given.to_vec());
-        let values = self.done(move |options| -> Result<Vec<Value>, String> {
+        let values = self.on_thread(move |options| -> Result<Vec<Value>, String> {
             let mut options = options.clone();
             options.enable_optimization(false).shape_inference(ShapeInferenceMode::Off);
             let model = options.load(bytes).map_err(|error| error.to_string())?;
@@ -150,7 +154,7 @@ impl Runtime {
 }
 
 impl Loaded {
-    /// Runs the graph on as many threads as rayon has here.
+    /// Runs the graph on as many threads as the current rayon pool has.
     pub fn run(&self, input: &str, image: &Array, outputs: &[String]) -> Result<Vec<Array>, ModelError> {
         let failed = |error: String| ModelError::Run(one_line(&error));
         let pool = Arc::new(ThreadPool::with_num_threads(rayon::current_num_threads()));
@@ -182,30 +186,32 @@ fn floats(value: Value, name: &str) -> Result<Array, ModelError> {
         _ => None,
     };
     let values = values.filter(|values| product(&dims) == Some(values.len()));
-    let why = || "is no tensor of numbers".to_owned();
+    let why = || "it is not a tensor of numbers".to_owned();
     values
         .map(|values| Array { dims, values })
         .ok_or_else(|| ModelError::Output { output: crate::error::short(name), why: why() })
 }
 
-/// Runs what may panic and what recurses, on a thread with the stack for it.
+/// Runs a closure that may panic or recurse deeply, on a thread with a large stack.
 fn on_deep_stack<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T, ModelError> {
     std::thread::scope(|scope| {
         let builder = std::thread::Builder::new().name("depth model".to_owned()).stack_size(STACK_BYTES);
-        let thread = builder.spawn_scoped(scope, || caged(work)).map_err(|error| ModelError::Run(error.to_string()))?;
-        thread.join().unwrap_or_else(|_| Err(ModelError::Run("rten gave up".to_owned())))
+        let thread = builder
+            .spawn_scoped(scope, || catching_panics(work))
+            .map_err(|error| ModelError::Run(error.to_string()))?;
+        thread.join().unwrap_or_else(|_| Err(ModelError::Run("internal error in rten".to_owned())))
     })
 }
 
-/// Runs what may panic.
-fn caged<T>(work: impl FnOnce() -> T) -> Result<T, ModelError> {
-    // Nothing that the closure touches is used again after a panic.
+/// Runs a closure and turns a panic into an error.
+fn catching_panics<T>(work: impl FnOnce() -> T) -> Result<T, ModelError> {
+    // Nothing that the closure changes is used after a panic.
     catch_unwind(AssertUnwindSafe(work)).map_err(|panic| {
         let text = panic
             .downcast_ref::<String>()
             .cloned()
             .or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
-        ModelError::Run(format!("rten gave up: {}", one_line(&text.unwrap_or_default())))
+        ModelError::Run(format!("internal error in rten: {}", one_line(&text.unwrap_or_default())))
     })
 }
 

@@ -1,29 +1,17 @@
-//! Sizes of what an operator of ONNX gives, from the sizes and, where it needs them, the values of what it takes.
+//! Shape inference: sizes of an operator's outputs from the sizes and, where needed, the values of its inputs.
+//!
+//! The public crate `rten-shape-inference` 0.27 is not used: it has no mapping from ONNX nodes to its operators, holds
+//! values in unchecked 32-bit integers (no fractional scales of `Resize`) and reports errors without sizes.
 
+use crate::facts::{Fact, Inputs};
 use crate::onnx::{MAX_RANK, Node, product};
-
-/// Values of a small tensor that are known before the run.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Known {
-    Ints(Vec<i32>),
-    Floats(Vec<f32>),
-}
-
-/// What is known of a value before the run.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Fact {
-    pub dims: Vec<usize>,
-    pub known: Option<Known>,
-    /// Whether it depends on no input.
-    pub constant: bool,
-}
 
 type Shapes = Result<Vec<Vec<usize>>, String>;
 
-/// Sizes of a node's outputs; of `NonZero`, the largest that they can be.
+/// Sizes of a node's outputs; for `NonZero`, an upper bound.
 ///
 /// # Errors
-/// An operator that no depth network has, sizes that do not fit together, values that are not known before the run.
+/// An operator that is not supported, sizes that do not match, values that are not known before the run.
 pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shapes {
     let x = Inputs { node, inputs, opset };
     let one = |dims: Vec<usize>| Ok(vec![dims]);
@@ -107,7 +95,7 @@ pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shape
         ("", "MatMul" | "MatMulInteger") => one(matmul(x.dims(0)?, x.dims(1)?)?),
         ("com.microsoft", "MatMulNBits") => {
             let mut dims = x.dims(0)?.to_vec();
-            *dims.last_mut().ok_or("takes a scalar")? = x.size(node.int("N"), "N")?;
+            *dims.last_mut().ok_or("the input is a scalar")? = x.size(node.int("N"), "N")?;
             one(dims)
         }
         ("com.microsoft", "MultiHeadAttention") => {
@@ -127,10 +115,12 @@ pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shape
         ("", "Gemm") => {
             let side = |index: usize, turned: &str| match (x.dims(index)?, node.int(turned).unwrap_or(0) != 0) {
                 (&[rows, columns], false) | (&[columns, rows], true) => Ok((rows, columns)),
-                (dims, _) => Err(format!("takes matrices, not {dims:?}")),
+                (dims, _) => Err(format!("the input has the shape {dims:?}, expected a matrix")),
             };
             let ((rows, inner), (other, columns)) = (side(0, "transA")?, side(1, "transB")?);
-            fits(inner == other, || format!("multiplies {inner} columns by {other} rows"))?;
+            fits(inner == other, || {
+                format!("a matrix with {inner} columns cannot be multiplied by one with {other} rows")
+            })?;
             one(vec![rows, columns])
         }
         ("", "Einsum") => one(einsum(&x)?),
@@ -153,28 +143,34 @@ pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shape
         ("", "GatherElements") => one(x.dims(1)?.to_vec()),
         ("", "GridSample") => {
             let (data, grid) = (x.dims(0)?, x.dims(1)?);
-            fits(data.len() >= 3 && grid.len() == data.len(), || format!("samples {data:?} at {grid:?}"))?;
+            fits(data.len() >= 3 && grid.len() == data.len(), || {
+                format!("the shapes {data:?} of the image and {grid:?} of the grid do not match")
+            })?;
             one([&data[..2], &grid[1..grid.len() - 1]].concat())
         }
         ("", "GatherND") => {
             let (data, at) = (x.dims(0)?, x.dims(1)?);
             let batch = x.size(Some(node.int("batch_dims").unwrap_or(0)), "batch_dims")?;
             let last = at.last().copied().unwrap_or(0);
-            fits(batch + last <= data.len() && !at.is_empty(), || format!("gathers from {data:?} at {at:?}"))?;
+            fits(batch + last <= data.len() && !at.is_empty(), || {
+                format!("the shapes {data:?} of the data and {at:?} of the indices do not match")
+            })?;
             one([&at[..at.len() - 1], &data[batch + last..]].concat())
         }
         ("", "Pad") => one(pad(&x)?),
         ("", "Expand") => one(broadcast(x.dims(0)?, &x.size_list(1)?)?),
         ("", "Tile") => {
             let (data, repeats) = (x.dims(0)?, x.size_list(1)?);
-            fits(data.len() == repeats.len(), || format!("repeats {data:?} {repeats:?} times"))?;
+            fits(data.len() == repeats.len(), || {
+                format!("the shape {data:?} and the repeats {repeats:?} do not match")
+            })?;
             one(data.iter().zip(&repeats).map(|(&a, &b)| times(a, b)).collect::<Result<_, _>>()?)
         }
         ("", "Reshape") => one(reshape(&x)?),
         ("", "Flatten") => {
             let dims = x.dims(0)?;
             let axis = x.edge(node.int("axis").unwrap_or(1), dims.len())?;
-            let count = |dims: &[usize]| product(dims).ok_or("is too large");
+            let count = |dims: &[usize]| product(dims).ok_or("a size is too large");
             one(vec![count(&dims[..axis])?, count(&dims[axis..])?])
         }
         ("", "Squeeze") => {
@@ -183,14 +179,16 @@ pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shape
                 None => (0..dims.len()).filter(|&axis| dims[axis] == 1).collect(),
                 Some(axes) => axes.iter().map(|&axis| x.axis(axis, dims.len())).collect::<Result<Vec<_>, _>>()?,
             };
-            fits(axes.iter().all(|&axis| dims[axis] == 1), || format!("squeezes axes {axes:?} of {dims:?}"))?;
+            fits(axes.iter().all(|&axis| dims[axis] == 1), || {
+                format!("axes {axes:?} of the shape {dims:?} are not all 1")
+            })?;
             one((0..dims.len()).filter(|axis| !axes.contains(axis)).map(|axis| dims[axis]).collect())
         }
         ("", "Unsqueeze") => {
             let dims = x.dims(0)?;
-            let axes = x.axes(1)?.ok_or("says no axes")?;
+            let axes = x.axes(1)?.ok_or("the axes are missing")?;
             let rank = dims.len() + axes.len();
-            fits(rank <= MAX_RANK, || format!("makes {rank} axes"))?;
+            fits(rank <= MAX_RANK, || format!("the output has {rank} axes, the limit is {MAX_RANK}"))?;
             let axes = axes.iter().map(|&axis| x.axis(axis, rank)).collect::<Result<Vec<_>, _>>()?;
             let mut rest = dims.iter().copied();
             let dims: Vec<usize> =
@@ -203,7 +201,9 @@ pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shape
             let perm = perm.iter().map(|&axis| x.axis(axis, dims.len())).collect::<Result<Vec<_>, _>>()?;
             let mut sorted = perm.clone();
             sorted.sort_unstable();
-            fits(sorted.iter().copied().eq(0..dims.len()), || format!("orders the axes of {dims:?} as {perm:?}"))?;
+            fits(sorted.iter().copied().eq(0..dims.len()), || {
+                format!("{perm:?} is not a permutation of the axes of {dims:?}")
+            })?;
             one(perm.iter().map(|&axis| dims[axis]).collect())
         }
         ("", "DepthToSpace") => {
@@ -212,7 +212,7 @@ pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shape
                 &[n, c, h, w] if block > 0 && c % times(block, block)? == 0 => {
                     one(vec![n, c / (block * block), times(h, block)?, times(w, block)?])
                 }
-                dims => Err(format!("takes blocks of {block} from {dims:?}")),
+                dims => Err(format!("the shape {dims:?} does not hold blocks of {block}")),
             }
         }
         ("", "Shape") => {
@@ -223,24 +223,24 @@ pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shape
         ("", "Size") => one(Vec::new()),
         ("", "ConstantOfShape") => one(x.size_list(0)?),
         ("", "Range") => {
-            let number = |index: usize| Ok::<f64, String>(*x.numbers(index)?.first().ok_or("takes no number")?);
+            let number = |index: usize| Ok::<f64, String>(*x.numbers(index)?.first().ok_or("an input is empty")?);
             let count = ((number(1)? - number(0)?) / number(2)?).ceil().max(0.0);
-            fits(count.is_finite() && count < 1e9, || "its range has no end".to_owned())?;
+            fits(count.is_finite() && count < 1e9, || "the range is too long or infinite".to_owned())?;
             one(vec![count as usize])
         }
         ("", "OneHot") => {
-            let (dims, depth) = (x.dims(0)?, *x.size_list(1)?.first().ok_or("says no depth")?);
+            let (dims, depth) = (x.dims(0)?, *x.size_list(1)?.first().ok_or("the depth is missing")?);
             let axis = x.axis(node.int("axis").unwrap_or(-1), dims.len() + 1)?;
             one([&dims[..axis], &[depth], &dims[axis..]].concat())
         }
         ("", "NonZero") => {
             let dims = x.dims(0)?;
-            one(vec![dims.len(), product(dims).ok_or("is too large")?])
+            one(vec![dims.len(), product(dims).ok_or("a size is too large")?])
         }
         ("", "TopK") => {
             let mut dims = x.dims(0)?.to_vec();
             let axis = x.axis(node.int("axis").unwrap_or(-1), dims.len())?;
-            dims[axis] = dims[axis].min(*x.size_list(1)?.first().ok_or("says no count")?);
+            dims[axis] = dims[axis].min(*x.size_list(1)?.first().ok_or("the count is missing")?);
             Ok(vec![dims; 2])
         }
         ("", "ArgMax" | "ArgMin") => one(reduced(&x, Some(vec![node.int("axis").unwrap_or(0)]))?),
@@ -250,77 +250,15 @@ pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shape
             | "ReduceProd" | "ReduceSum" | "ReduceSumSquare",
         ) => one(reduced(&x, x.axes(1)?)?),
         ("", "Resize" | "Upsample") => crate::resize::output_dims(&x).map(|dims| vec![dims]),
-        _ => Err("is an operator that no depth network needs".to_owned()),
+        _ => Err("the operator is not supported".to_owned()),
     }
 }
 
-/// Which axes `Shape` tells: all, or from `start` to `end`.
+/// Range of axes that `Shape` returns: all, or from `start` to `end`.
 pub(crate) fn shape_range(node: &Node, rank: usize) -> (usize, usize) {
     let rank = rank as i64;
     let at = |value: i64| (if value < 0 { value + rank } else { value }).clamp(0, rank) as usize;
     (at(node.int("start").unwrap_or(0)), at(node.int("end").unwrap_or(rank)))
-}
-
-/// A node's inputs, asked for by their place.
-pub(crate) struct Inputs<'a> {
-    pub node: &'a Node,
-    pub inputs: &'a [Option<&'a Fact>],
-    pub opset: i64,
-}
-
-impl<'a> Inputs<'a> {
-    pub fn get(&self, index: usize) -> Option<&'a Fact> {
-        self.inputs.get(index).copied().flatten()
-    }
-
-    pub fn dims(&self, index: usize) -> Result<&'a [usize], String> {
-        self.get(index).map(|fact| fact.dims.as_slice()).ok_or_else(|| format!("lacks its input {index}"))
-    }
-
-    /// Values of an input that must be known.
-    pub fn numbers(&self, index: usize) -> Result<Vec<f64>, String> {
-        let fact = self.get(index).ok_or_else(|| format!("lacks its input {index}"))?;
-        match &fact.known {
-            Some(Known::Ints(values)) => Ok(values.iter().map(|&value| f64::from(value)).collect()),
-            Some(Known::Floats(values)) => Ok(values.iter().map(|&value| f64::from(value)).collect()),
-            None => Err(format!("makes sizes of the values of its input {index}, which are not known before the run")),
-        }
-    }
-
-    pub fn int_list(&self, index: usize) -> Result<Vec<i64>, String> {
-        Ok(self.numbers(index)?.into_iter().map(|value| value as i64).collect())
-    }
-
-    pub fn size_list(&self, index: usize) -> Result<Vec<usize>, String> {
-        self.int_list(index)?.into_iter().map(|value| self.size(Some(value), "a size")).collect()
-    }
-
-    /// An integer that must be a size.
-    fn size(&self, value: Option<i64>, name: &str) -> Result<usize, String> {
-        let value = value.ok_or_else(|| format!("lacks {name}"))?;
-        usize::try_from(value).map_err(|_| format!("has {name} of {value}"))
-    }
-
-    pub fn axis(&self, axis: i64, rank: usize) -> Result<usize, String> {
-        let inner = if axis < 0 { axis + rank as i64 } else { axis };
-        let inner = usize::try_from(inner).ok().filter(|&inner| inner < rank);
-        inner.ok_or_else(|| format!("takes axis {axis} of {rank}"))
-    }
-
-    /// Between two axes, or at the ends.
-    fn edge(&self, axis: i64, rank: usize) -> Result<usize, String> {
-        let inner = if axis < 0 { axis + rank as i64 } else { axis };
-        let inner = usize::try_from(inner).ok().filter(|&inner| inner <= rank);
-        inner.ok_or_else(|| format!("takes axis {axis} of {rank}"))
-    }
-
-    /// Axes, an attribute in older files and an input in newer ones.
-    fn axes(&self, index: usize) -> Result<Option<Vec<i64>>, String> {
-        if let Some(axes) = self.node.ints("axes") {
-            return Ok(Some(axes.to_vec()));
-        }
-        self.get(index).map(|_| self.int_list(index)).transpose()
-    }
 }
 
 fn fits(holds: bool, why: impl FnOnce() -> String) -> Result<(), String> {
@@ -328,23 +266,23 @@ fn fits(holds: bool, why: impl FnOnce() -> String) -> Result<(), String> {
 }
 
 fn times(a: usize, b: usize) -> Result<usize, String> {
-    a.checked_mul(b).ok_or_else(|| "is too large".to_owned())
+    a.checked_mul(b).ok_or_else(|| "a size is too large".to_owned())
 }
 
-/// As numpy does it.
+/// Shape of two shapes broadcast together, by NumPy's rules.
 pub(crate) fn broadcast(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
     let rank = a.len().max(b.len());
     let at = |dims: &[usize], axis: usize| (axis + dims.len()).checked_sub(rank).map_or(1, |axis| dims[axis]);
     let pair = |axis: usize| match (at(a, axis), at(b, axis)) {
         (x, y) if x == y => Ok(x),
         (1, x) | (x, 1) => Ok(x),
-        _ => Err(format!("brings together {a:?} and {b:?}, which do not fit")),
+        _ => Err(format!("the shapes {a:?} and {b:?} cannot be broadcast together")),
     };
     (0..rank).map(pair).collect()
 }
 
 fn matmul(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
-    let misfit = || format!("multiplies {a:?} by {b:?}");
+    let misfit = || format!("the shapes {a:?} and {b:?} cannot be multiplied");
     let (&inner, &before) =
         (a.last().ok_or_else(misfit)?, b.get(b.len().wrapping_sub(2)).or(b.last()).ok_or_else(misfit)?);
     fits(inner == before, misfit)?;
@@ -357,24 +295,24 @@ fn matmul(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
 
 fn einsum(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     let equation: String =
-        x.node.text("equation").ok_or("lacks its equation")?.chars().filter(|c| !c.is_whitespace()).collect();
-    let (left, right) = equation.split_once("->").ok_or("says no output in its equation")?;
+        x.node.text("equation").ok_or("the equation is missing")?.chars().filter(|c| !c.is_whitespace()).collect();
+    let (left, right) = equation.split_once("->").ok_or("the equation has no output")?;
     let mut sizes: Vec<(char, usize)> = Vec::new();
     for (index, letters) in left.split(',').enumerate() {
         let dims = x.dims(index)?;
-        fits(letters.chars().all(char::is_alphabetic), || format!("has the equation {equation}"))?;
-        fits(letters.chars().count() == dims.len(), || format!("takes {dims:?} as {letters}"))?;
+        fits(letters.chars().all(char::is_alphabetic), || format!("the equation {equation} is invalid"))?;
+        fits(letters.chars().count() == dims.len(), || format!("the shape {dims:?} does not match {letters}"))?;
         sizes.extend(letters.chars().zip(dims.iter().copied()));
     }
     let size = |letter: char| sizes.iter().filter(|(known, _)| *known == letter).map(|(_, size)| *size).max();
-    right.chars().map(|letter| size(letter).ok_or_else(|| format!("has the equation {equation}"))).collect()
+    right.chars().map(|letter| size(letter).ok_or_else(|| format!("the equation {equation} is invalid"))).collect()
 }
 
-/// Attributes of windows along the axes behind the first two.
+/// Attributes of sliding windows along the axes after the first two.
 struct Windows {
     strides: Vec<usize>,
     dilations: Vec<usize>,
-    /// Before and behind, of all axes.
+    /// Padding before each axis, then after each axis.
     pads: Vec<usize>,
     auto_pad: String,
 }
@@ -383,25 +321,25 @@ impl Windows {
     fn of(x: &Inputs<'_>, axes: usize) -> Result<Self, String> {
         let list = |name: &str, count: usize, usual: usize| {
             let Some(values) = x.node.ints(name) else { return Ok(vec![usual; count]) };
-            fits(values.len() == count, || format!("has {} {name} for {axes} axes", values.len()))?;
+            fits(values.len() == count, || format!("there are {} {name} for {axes} axes", values.len()))?;
             values.iter().map(|&value| x.size(Some(value), name)).collect::<Result<Vec<_>, _>>()
         };
         let (strides, dilations) = (list("strides", axes, 1)?, list("dilations", axes, 1)?);
-        fits(strides.iter().chain(&dilations).all(|&step| step > 0), || "has steps of 0".to_owned())?;
+        fits(strides.iter().chain(&dilations).all(|&step| step > 0), || "a stride or dilation is 0".to_owned())?;
         let auto_pad = x.node.text("auto_pad").unwrap_or("NOTSET").to_owned();
         Ok(Self { strides, dilations, pads: list("pads", 2 * axes, 0)?, auto_pad })
     }
 
-    /// Places that a window has along an axis of `size`.
-    fn places(&self, axis: usize, size: usize, kernel: usize, ceil: bool) -> Result<usize, String> {
+    /// Number of positions of a window along an axis of `size`.
+    fn positions(&self, axis: usize, size: usize, kernel: usize, ceil: bool) -> Result<usize, String> {
         let (stride, axes) = (self.strides[axis], self.strides.len());
         if self.auto_pad.starts_with("SAME") {
             return Ok(size.div_ceil(stride));
         }
-        let reach = times(kernel.checked_sub(1).ok_or("has an empty kernel")?, self.dilations[axis])? + 1;
+        let reach = times(kernel.checked_sub(1).ok_or("the kernel is empty")?, self.dilations[axis])? + 1;
         let pads = if self.auto_pad == "VALID" { 0 } else { self.pads[axis].saturating_add(self.pads[axis + axes]) };
         let free = size.saturating_add(pads).checked_sub(reach);
-        let free = free.ok_or_else(|| format!("has a kernel larger than what it takes, {size}"))?;
+        let free = free.ok_or_else(|| format!("the kernel is larger than the input of {size}"))?;
         Ok(if ceil { free.div_ceil(stride) } else { free / stride } + 1)
     }
 }
@@ -410,17 +348,17 @@ fn conv(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     let (data, kernel) = (x.dims(0)?, x.dims(1)?);
     let group = x.size(Some(x.node.int("group").unwrap_or(1)), "group")?;
     let right = data.len() == kernel.len() && data.len() > 2 && times(kernel[1], group)? == data[1];
-    fits(right, || format!("convolves {data:?} by {kernel:?} in {group} groups"))?;
+    fits(right, || format!("the shapes {data:?} and {kernel:?} do not match in {group} groups"))?;
     let windows = Windows::of(x, data.len() - 2)?;
-    let places = (2..data.len()).map(|axis| windows.places(axis - 2, data[axis], kernel[axis], false));
-    [Ok(data[0]), Ok(kernel[0])].into_iter().chain(places).collect()
+    let positions = (2..data.len()).map(|axis| windows.positions(axis - 2, data[axis], kernel[axis], false));
+    [Ok(data[0]), Ok(kernel[0])].into_iter().chain(positions).collect()
 }
 
 fn conv_transpose(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     let (data, kernel) = (x.dims(0)?, x.dims(1)?);
     let group = x.size(Some(x.node.int("group").unwrap_or(1)), "group")?;
     let right = data.len() == kernel.len() && data.len() > 2 && kernel[0] == data[1];
-    fits(right, || format!("convolves {data:?} by {kernel:?}"))?;
+    fits(right, || format!("the shapes {data:?} and {kernel:?} do not match"))?;
     let axes = data.len() - 2;
     let windows = Windows::of(x, axes)?;
     let extra = x.node.ints("output_padding").unwrap_or_default();
@@ -433,26 +371,26 @@ fn conv_transpose(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
         if windows.auto_pad.starts_with("SAME") {
             return times(data[axis + 2], stride);
         }
-        let reach = times(kernel[axis + 2].checked_sub(1).ok_or("has an empty kernel")?, windows.dilations[axis])? + 1;
+        let reach = times(kernel[axis + 2].checked_sub(1).ok_or("the kernel is empty")?, windows.dilations[axis])? + 1;
         let pads =
             if windows.auto_pad == "VALID" { 0 } else { windows.pads[axis].saturating_add(windows.pads[axis + axes]) };
         let extra = x.size(Some(extra.get(axis).copied().unwrap_or(0)), "output_padding")?;
         let whole = times(data[axis + 2].saturating_sub(1), stride)?.saturating_add(reach).saturating_add(extra);
-        whole.checked_sub(pads).ok_or_else(|| "pads more than it gives".to_owned())
+        whole.checked_sub(pads).ok_or_else(|| "the padding is larger than the output".to_owned())
     };
     [Ok(data[0]), times(kernel[1], group)].into_iter().chain((0..axes).map(size)).collect()
 }
 
 fn pool(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     let (data, kernel) = (x.dims(0)?, x.node.ints("kernel_shape").unwrap_or_default());
-    fits(data.len() == kernel.len() + 2, || format!("pools {data:?} by {kernel:?}"))?;
+    fits(data.len() == kernel.len() + 2, || format!("the shape {data:?} and the kernel {kernel:?} do not match"))?;
     let windows = Windows::of(x, kernel.len())?;
     let ceil = x.node.int("ceil_mode").unwrap_or(0) != 0;
-    let places = kernel
+    let positions = kernel
         .iter()
         .enumerate()
-        .map(|(axis, &kernel)| windows.places(axis, data[axis + 2], x.size(Some(kernel), "kernel_shape")?, ceil));
-    [Ok(data[0]), Ok(data[1])].into_iter().chain(places).collect()
+        .map(|(axis, &kernel)| windows.positions(axis, data[axis + 2], x.size(Some(kernel), "kernel_shape")?, ceil));
+    [Ok(data[0]), Ok(data[1])].into_iter().chain(positions).collect()
 }
 
 fn concat(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
@@ -461,8 +399,8 @@ fn concat(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     for index in 1..x.inputs.len() {
         let other = x.dims(index)?;
         let right = other.len() == dims.len() && (0..dims.len()).all(|at| at == axis || other[at] == dims[at]);
-        fits(right, || format!("joins {dims:?} and {other:?}"))?;
-        dims[axis] = dims[axis].checked_add(other[axis]).ok_or("is too large")?;
+        fits(right, || format!("the shapes {dims:?} and {other:?} cannot be concatenated"))?;
+        dims[axis] = dims[axis].checked_add(other[axis]).ok_or("a size is too large")?;
     }
     Ok(dims)
 }
@@ -480,7 +418,7 @@ fn split(x: &Inputs<'_>) -> Shapes {
         }
     };
     let sum = parts.iter().try_fold(0usize, |sum, &part| sum.checked_add(part));
-    fits(parts.len() == count && sum == Some(dims[axis]), || format!("splits {} into {parts:?}", dims[axis]))?;
+    fits(parts.len() == count && sum == Some(dims[axis]), || format!("{} cannot be split into {parts:?}", dims[axis]))?;
     let part = |size: usize| [&dims[..axis], &[size], &dims[axis + 1..]].concat();
     Ok(parts.into_iter().map(part).collect())
 }
@@ -497,19 +435,19 @@ fn slice(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     let axes = axes.unwrap_or_else(|| (0..starts.len() as i64).collect());
     let steps = steps.unwrap_or_else(|| vec![1; starts.len()]);
     let right = [ends.len(), axes.len(), steps.len()].iter().all(|&count| count == starts.len());
-    fits(right, || "has starts, ends, axes and steps of different numbers".to_owned())?;
+    fits(right, || "starts, ends, axes and steps differ in length".to_owned())?;
     for (((&start, &end), &axis), &step) in starts.iter().zip(&ends).zip(&axes).zip(&steps) {
         let axis = x.axis(axis, dims.len())?;
         let size = dims[axis] as i64;
         let inside = |value: i64| if value < 0 { value.saturating_add(size) } else { value };
         dims[axis] = match step {
-            0 => return Err("has a step of 0".to_owned()),
+            0 => return Err("a step is 0".to_owned()),
             1.. => {
                 let (start, end) = (inside(start).clamp(0, size), inside(end).clamp(0, size));
                 (end - start).max(0).unsigned_abs().div_ceil(step.unsigned_abs()) as usize
             }
             _ => {
-                // The run time keeps integers in 32 bits, so "from the very end on" comes as their smallest.
+                // The runtime stores 32-bit integers, so an open start or end is their smallest value.
                 let (start, end) = (inside(start).clamp(-1, size - 1), inside(end).clamp(-1, size - 1));
                 (start - end).max(0).unsigned_abs().div_ceil(step.unsigned_abs()) as usize
             }
@@ -528,7 +466,7 @@ fn pad(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
         Some(_) => x.int_list(3)?.into_iter().map(|axis| x.axis(axis, dims.len())).collect::<Result<_, _>>()?,
         None => (0..dims.len()).collect(),
     };
-    fits(pads.len() == 2 * axes.len(), || format!("pads {} axes by {pads:?}", axes.len()))?;
+    fits(pads.len() == 2 * axes.len(), || format!("the padding {pads:?} does not match {} axes", axes.len()))?;
     for (index, &axis) in axes.iter().enumerate() {
         let size = (dims[axis] as i64).saturating_add(pads[index]).saturating_add(pads[index + axes.len()]);
         dims[axis] = x.size(Some(size), "a padded size")?;
@@ -542,9 +480,9 @@ fn reshape(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
         Some(shape) => shape.to_vec(),
         None => x.int_list(1)?,
     };
-    let total = product(dims).ok_or("is too large")?;
+    let total = product(dims).ok_or("a size is too large")?;
     let zero_is_zero = x.node.int("allowzero").unwrap_or(0) != 0;
-    let misfit = || format!("makes {asked:?} of {dims:?}");
+    let misfit = || format!("the shape {dims:?} cannot be reshaped to {asked:?}");
     let mut shaped = Vec::with_capacity(asked.len());
     for (axis, &size) in asked.iter().enumerate() {
         shaped.push(match size {

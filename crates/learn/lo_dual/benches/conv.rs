@@ -41,6 +41,7 @@ fn conv_forward_and_backward(bencher: Bencher, (depth, channels): (u32, usize)) 
 
 /// Multiplies `[nodes, 7 · channels] × [7 · channels, channels]` on gathered features, on one thread.
 #[divan::bench(args = SIZES)]
+#[expect(unsafe_code)]
 fn bare_product(bencher: Bencher, (depth, channels): (u32, usize)) {
     let (graph, _, w) = layer(depth, channels);
     let (m, n, k) = (graph.len(), channels, EDGE_TYPES * channels);

@@ -58,6 +58,7 @@ impl<'a, T> Matrix<'a, T> {
 ///
 /// # Panics
 /// Where the sizes do not match.
+#[expect(unsafe_code)]
 pub fn matmul<T: Real>(out: &mut [T], left: Matrix<T>, right: Matrix<T>, add: bool) {
     let (m, n, k) = (left.rows, right.columns, left.columns);
     assert_eq!(k, right.rows, "the inner sizes of a product agree");

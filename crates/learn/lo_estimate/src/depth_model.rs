@@ -35,7 +35,7 @@ impl Estimator {
         let own_lens = || self.lens_of(&photo).map_err(lo_scene::FrameError::from);
         let (known, mut source) = match camera {
             Some(camera) => (Some(camera), None),
-            None if model.tells_field_of_view() => (None, Some(CameraSource::DepthModel)),
+            None if model.predicts_field_of_view() => (None, Some(CameraSource::DepthModel)),
             None => own_lens().map(|(camera, source)| (Some(camera), Some(source)))?,
         };
         let told = model.predict(&srgb8(&photo), known.as_ref(), on_event)?;

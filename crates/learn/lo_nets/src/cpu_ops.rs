@@ -86,6 +86,7 @@ pub fn ternary<K: Kernel>(x: Tensor<2>, y: Tensor<2>, z: Tensor<2>, kernel: K) -
 }
 
 /// Allocates zeros and writes them from all threads: the first touch of large outputs is slow on a single thread.
+#[expect(unsafe_code)]
 pub(crate) fn zeros<T: Copy + Default + Send>(count: usize) -> Vec<T> {
     const CHUNK: usize = 1 << 16;
     let mut out = Vec::with_capacity(count);

@@ -139,6 +139,7 @@ impl Grid {
     /// Returns the entry at `level`, at or above the finest dense level, that contains the leaf cell `leaf` inside the
     /// cube.
     #[inline(always)]
+    #[expect(unsafe_code)]
     pub fn dense_cell(&self, leaf: [i32; 3], level: i32) -> Entry {
         let side = self.side();
         debug_assert!(
@@ -153,6 +154,7 @@ impl Grid {
 
     /// Descends from an occupied entry of the level above to its child at `level`.
     #[inline(always)]
+    #[expect(unsafe_code)]
     pub fn child(&self, entry: Entry, leaf: [i32; 3], level: i32) -> Entry {
         debug_assert!((0..self.children.len() as i32).contains(&entry.0));
         // SAFETY: entries above the leaves are indices into `children`, and an octant is below 8.

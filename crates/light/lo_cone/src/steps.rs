@@ -130,6 +130,7 @@ impl StepTable {
 
     /// Returns a step not behind the first one at or beyond `distance`; with the floored rule, exactly that one.
     #[inline(always)]
+    #[expect(unsafe_code)]
     pub fn about_first_at(&self, distance: f32) -> i32 {
         // SAFETY: `bin` returns an index of `bins`.
         let step = unsafe { *self.bins.get_unchecked(self.bin(distance)) };
@@ -138,6 +139,7 @@ impl StepTable {
 
     /// Returns distance and level of a step, or of the sentinel behind the last.
     #[inline(always)]
+    #[expect(unsafe_code)]
     pub fn waypoint(&self, step: i32) -> Waypoint {
         debug_assert!((0..self.waypoints.len() as i32).contains(&step));
         // SAFETY: all steps that this type returns are at most the number of steps, and there is one waypoint more than
@@ -147,6 +149,7 @@ impl StepTable {
 
     /// Returns the first step whose level is above `level`.
     #[inline(always)]
+    #[expect(unsafe_code)]
     pub fn level_end(&self, level: i32) -> i32 {
         debug_assert!((0..self.level_ends.len() as i32).contains(&level));
         // SAFETY: no octree is deeper, so no level is higher.
@@ -154,6 +157,7 @@ impl StepTable {
     }
 
     #[inline(always)]
+    #[expect(unsafe_code)]
     fn bin(&self, distance: f32) -> usize {
         let bin = (distance - self.near) * self.bins_per_edge;
         let bin = bin.max(0.0).min((self.bins.len() - 1) as f32);

@@ -1,6 +1,7 @@
-//! ONNX files: read within limits, made simple, written again for the run time.
+//! ONNX files: read within limits, simplified, and written for the runtime.
 //!
-//! A graph that leaves here has no functions, no `Constant` nodes, no half or double precision and no tensor outside of [`Weights`].
+//! A simplified graph has no functions, no `Constant` nodes, no half or double precision, and large tensors only in
+//! [`Weights`].
 
 mod read;
 mod simplify;
@@ -13,28 +14,28 @@ pub(crate) use simplify::{inlined_branch, simplify};
 pub(crate) use weights::{WEIGHTS_FILE, Weights};
 pub(crate) use write::write_model;
 
-/// Nodes of a graph, those of its functions and branches counted as often as they are used.
+/// Most nodes of a graph, with functions and branches inlined.
 pub(crate) const MAX_NODES: usize = 50_000;
 
-/// What a file may say besides its tensors' values, in bytes of memory.
+/// Most bytes of memory for a file's content without its tensors' values.
 pub(crate) const MAX_STRUCTURE_BYTES: u64 = 64 << 20;
 
-/// Values of all tensors, in bytes of memory.
+/// Most bytes of memory for the values of all tensors.
 pub(crate) const MAX_WEIGHT_BYTES: u64 = 3 << 29;
 
-/// Tensors of a graph: a third of a billion parameters are some thousands.
+/// Most tensors of a graph. A network of 300 million parameters has a few thousand.
 pub(crate) const MAX_TENSORS: usize = 20_000;
 
-/// Elements along one axis; the run time counts in 32 bits.
+/// Most elements along one axis. The runtime counts in 32 bits.
 pub(crate) const MAX_DIM: usize = i32::MAX as usize;
 
-/// Functions in functions, branches in branches.
+/// Deepest nesting of functions or branches.
 pub(crate) const MAX_NESTING: usize = 8;
 
-/// Axes of a tensor.
+/// Most axes of a tensor.
 pub(crate) const MAX_RANK: usize = 10;
 
-/// ONNX's number of a type of elements.
+/// Element type, by its number in ONNX.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Element(pub i32);
 
@@ -49,7 +50,7 @@ impl Element {
     pub const F64: Self = Self(11);
     pub const BF16: Self = Self(16);
 
-    /// Bytes of one, where the type is one that can be run.
+    /// Bytes of an element; `None` for unsupported types.
     pub const fn bytes(self) -> Option<usize> {
         match self {
             Self::U8 | Self::I8 | Self::BOOL => Some(1),
@@ -60,12 +61,12 @@ impl Element {
         }
     }
 
-    /// Whether the run time calculates it in single precision.
+    /// Whether the runtime computes the type in single precision.
     pub const fn is_float(self) -> bool {
         matches!(self, Self::F32 | Self::F16 | Self::F64 | Self::BF16)
     }
 
-    /// What ONNX calls it.
+    /// Name in ONNX, in lower case.
     pub fn name(self) -> String {
         const NAMES: [&str; 25] = [
             "undefined",
@@ -99,17 +100,17 @@ impl Element {
     }
 }
 
-/// A whole file.
+/// Content of a file.
 #[derive(Debug, Default)]
 pub(crate) struct Model {
-    /// Domain (empty: ONNX' own) and version of the operators.
+    /// Domain (empty: the standard's) and version of the operators.
     pub opsets: Vec<(String, i64)>,
     pub graph: Graph,
     pub functions: Vec<Function>,
 }
 
 impl Model {
-    /// Version of ONNX' own operators.
+    /// Version of the standard's operators.
     pub fn opset(&self) -> i64 {
         self.opsets
             .iter()
@@ -126,6 +127,18 @@ pub(crate) struct Graph {
     pub outputs: Vec<ValueInfo>,
 }
 
+impl Graph {
+    /// Inputs and outputs with their types and sizes, one a line, at most 40.
+    pub fn signature(&self) -> String {
+        let line = |what: &str, info: &ValueInfo| {
+            format!("  {what:<6} {}  {} {}", crate::error::short(&info.name), info.element.name(), info.dims_text())
+        };
+        let inputs = self.inputs.iter().map(|info| line("input", info));
+        let outputs = self.outputs.iter().map(|info| line("output", info));
+        inputs.chain(outputs).take(40).collect::<Vec<_>>().join("\n")
+    }
+}
+
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Function {
     pub name: String,
@@ -133,7 +146,7 @@ pub(crate) struct Function {
     pub overload: String,
     pub inputs: Vec<String>,
     pub outputs: Vec<String>,
-    /// Attributes with the value that they have where the call gives none.
+    /// Attributes with default values.
     pub defaults: Vec<Attribute>,
     pub nodes: Vec<Node>,
 }
@@ -160,12 +173,12 @@ impl Node {
         self
     }
 
-    /// Whether the operator is one of ONNX' own.
+    /// Whether the operator is in the standard's domain.
     pub fn is_standard(&self) -> bool {
         matches!(self.domain.as_str(), "" | "ai.onnx")
     }
 
-    /// What errors call it.
+    /// Operator and name, for messages.
     pub fn label(&self) -> String {
         let name = if self.name.is_empty() { self.outputs.first().map_or("", String::as_str) } else { &self.name };
         let name: String = name.chars().take(80).filter(|c| !c.is_control()).collect();
@@ -209,7 +222,7 @@ impl Node {
 pub(crate) struct Attribute {
     pub name: String,
     pub value: AttributeValue,
-    /// In a function: the attribute of the call that gives the value.
+    /// In a function: name of the call's attribute with the value.
     pub reference: String,
 }
 
@@ -235,7 +248,7 @@ pub(crate) struct Tensor {
 }
 
 impl Tensor {
-    /// `None` where the product does not fit.
+    /// Number of elements; `None` if it overflows.
     pub fn len(&self) -> Option<usize> {
         product(&self.dims)
     }
@@ -251,7 +264,7 @@ impl Tensor {
     }
 }
 
-/// Where the values of a tensor lie, little-endian.
+/// Location of a tensor's values, little-endian.
 #[derive(Clone, Debug)]
 pub(crate) enum Data {
     Bytes(Vec<u8>),
@@ -260,8 +273,8 @@ pub(crate) enum Data {
         start: u64,
         bytes: u64,
     },
-    /// In a file beside it.
-    Beside {
+    /// In an external file.
+    External {
         file: String,
         start: u64,
         bytes: Option<u64>,
@@ -284,18 +297,30 @@ impl Default for Data {
 pub(crate) struct ValueInfo {
     pub name: String,
     pub element: Element,
-    /// Where the file says it.
+    /// `None` if the file does not give them.
     pub dims: Option<Vec<Dim>>,
+}
+
+impl ValueInfo {
+    fn dims_text(&self) -> String {
+        let Some(dims) = &self.dims else { return "of any shape".to_owned() };
+        let dim = |dim: &Dim| match dim {
+            Dim::Fixed(size) => size.to_string(),
+            Dim::Free(name) if name.is_empty() => "?".to_owned(),
+            Dim::Free(name) => crate::error::short(name),
+        };
+        format!("[{}]", dims.iter().map(dim).collect::<Vec<_>>().join(", "))
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Dim {
     Fixed(usize),
-    /// Told by the input at hand; the name may be empty.
+    /// Depends on the input; the name may be empty.
     Free(String),
 }
 
-/// Of all; `None` where it does not fit.
+/// Product of sizes; `None` if it overflows.
 pub(crate) fn product(dims: &[usize]) -> Option<usize> {
     dims.iter().try_fold(1usize, |product, &dim| product.checked_mul(dim))
 }

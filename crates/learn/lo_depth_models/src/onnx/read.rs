@@ -1,4 +1,4 @@
-//! The messages of `onnx.proto3` that a network is made of. Field numbers are the standard's.
+//! Reads the messages of `onnx.proto3` that define a network. Field numbers are the standard's.
 
 use std::io::{BufRead, Seek, SeekFrom};
 
@@ -9,10 +9,10 @@ use super::{
 };
 use crate::ModelError;
 
-/// Raw values from this many bytes on stay in the file until all is known to be in order.
+/// Raw values of at least this many bytes stay in the file until the graph is validated.
 const LEFT_IN_FILE: u64 = 1 << 10;
 
-/// Reads a file's graph and functions; large tensors are left where they are.
+/// Reads a file's graph and functions. Values of large tensors stay in the file.
 pub(crate) fn read_model<R: BufRead + Seek>(mut file: R) -> Result<(Model, R), ModelError> {
     let end = file.seek(SeekFrom::End(0)).map_err(ModelError::read)?;
     file.seek(SeekFrom::Start(0)).map_err(ModelError::read)?;
@@ -35,7 +35,7 @@ pub(crate) fn read_model<R: BufRead + Seek>(mut file: R) -> Result<(Model, R), M
         }
     }
     if graphs != 1 || model.graph.outputs.is_empty() {
-        return Err(ModelError::Malformed("it holds no graph with outputs: it is no ONNX file".into()));
+        return Err(ModelError::Malformed("it has no graph with outputs: it is not an ONNX file".into()));
     }
     Ok((model, reader.into_inner()))
 }
@@ -61,7 +61,7 @@ fn opset<R: BufRead + Seek>(r: &mut Reader<R>, end: u64) -> Result<(String, i64)
 
 fn graph<R: BufRead + Seek>(r: &mut Reader<R>, end: u64, depth: usize) -> Result<Graph, ModelError> {
     if depth > MAX_NESTING {
-        return Err(ModelError::TooLarge(format!("graphs lie in graphs more than {MAX_NESTING} deep")));
+        return Err(ModelError::TooLarge(format!("graphs are nested more than {MAX_NESTING} deep")));
     }
     let mut graph = Graph::default();
     while let Some(Field { number, value }) = r.next(end)? {
@@ -70,7 +70,7 @@ fn graph<R: BufRead + Seek>(r: &mut Reader<R>, end: u64, depth: usize) -> Result
             5 => graph.initializers.push(tensor(r, nested(r, value, end)?)?),
             11 => graph.inputs.push(value_info(r, nested(r, value, end)?)?),
             12 => graph.outputs.push(value_info(r, nested(r, value, end)?)?),
-            15 => return Err(ModelError::Unsupported("it holds sparse tensors".into())),
+            15 => return Err(ModelError::Unsupported("it has sparse tensors".into())),
             _ => r.skip(value)?,
         }
     }
@@ -133,7 +133,7 @@ fn attribute<R: BufRead + Seek>(r: &mut Reader<R>, end: u64, depth: usize) -> Re
         }
     }
     let floats: Vec<f32> = floats.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
-    // An old file says no kind; one that says it may leave out what is empty or zero.
+    // Old files have no kind. Files with a kind may omit values that are empty or zero.
     let value = match kind {
         1 => AttributeValue::Float(float.unwrap_or_default()),
         2 => AttributeValue::Int(int.unwrap_or_default()),
@@ -160,7 +160,7 @@ fn attribute<R: BufRead + Seek>(r: &mut Reader<R>, end: u64, depth: usize) -> Re
 fn tensor<R: BufRead + Seek>(r: &mut Reader<R>, end: u64) -> Result<Tensor, ModelError> {
     let mut tensor = Tensor::default();
     let (mut dims, mut raw, mut floats, mut ints) = (Vec::new(), None, Vec::new(), Vec::new());
-    let (mut beside, mut place) = (Vec::new(), 0);
+    let (mut external, mut location) = (Vec::new(), 0);
     while let Some(Field { number, value }) = r.next(end)? {
         match number {
             1 => r.ints(value, &mut dims)?,
@@ -176,20 +176,22 @@ fn tensor<R: BufRead + Seek>(r: &mut Reader<R>, end: u64) -> Result<Tensor, Mode
                 }
                 _ => raw = Some(Data::Bytes(r.bytes(value)?)),
             },
-            13 => beside.push(entry(r, nested(r, value, end)?)?),
-            14 => place = r.int(value)?,
+            13 => external.push(entry(r, nested(r, value, end)?)?),
+            14 => location = r.int(value)?,
             _ => r.skip(value)?,
         }
     }
     if dims.len() > MAX_RANK {
-        return Err(ModelError::TooLarge(format!("a tensor has {} axes, at most {MAX_RANK} are read", dims.len())));
+        return Err(ModelError::TooLarge(format!("a tensor has {} axes, the limit is {MAX_RANK}", dims.len())));
     }
     for dim in dims {
         let size = usize::try_from(dim).ok().filter(|&size| size <= MAX_DIM);
-        tensor.dims.push(size.ok_or_else(|| r.malformed("a tensor has an impossible size"))?);
+        tensor.dims.push(size.ok_or_else(|| r.malformed("the size of a tensor is invalid"))?);
     }
-    tensor.data = match (place, raw) {
-        (1, _) => located(&beside).ok_or_else(|| r.malformed("external data is not said where"))?,
+    tensor.data = match (location, raw) {
+        (1, _) => {
+            located(&external).ok_or_else(|| r.malformed("the location of external data is missing or invalid"))?
+        }
         (_, Some(data)) => data,
         (_, None) if !floats.is_empty() => Data::Bytes(floats),
         (_, None) => Data::Bytes(narrowed(&ints, tensor.element)),
@@ -197,7 +199,7 @@ fn tensor<R: BufRead + Seek>(r: &mut Reader<R>, end: u64) -> Result<Tensor, Mode
     Ok(tensor)
 }
 
-/// Integers as the standard packs them into wider fields.
+/// Bytes of integers, which the standard stores in wider fields.
 fn narrowed(ints: &[i64], element: Element) -> Vec<u8> {
     let bytes = element.bytes().unwrap_or(8);
     ints.iter().flat_map(|int| int.to_le_bytes().into_iter().take(bytes)).collect()
@@ -208,7 +210,7 @@ fn located(entries: &[(String, String)]) -> Option<Data> {
     let number = |key: &str| find(key).map(|value| value.parse::<u64>());
     let start = number("offset").unwrap_or(Ok(0)).ok()?;
     let bytes = number("length").transpose().ok()?;
-    Some(Data::Beside { file: find("location")?.clone(), start, bytes })
+    Some(Data::External { file: find("location")?.clone(), start, bytes })
 }
 
 fn entry<R: BufRead + Seek>(r: &mut Reader<R>, end: u64) -> Result<(String, String), ModelError> {
@@ -268,7 +270,7 @@ fn dim<R: BufRead + Seek>(r: &mut Reader<R>, end: u64) -> Result<Dim, ModelError
     let mut dim = Dim::Free(String::new());
     while let Some(Field { number, value }) = r.next(end)? {
         match number {
-            // Some exporters write −1 for what is free.
+            // Some exporters write −1 for a free size.
             1 => dim = usize::try_from(r.int(value)?).map_or_else(|_| Dim::Free(String::new()), Dim::Fixed),
             2 => dim = Dim::Free(r.text(value)?),
             _ => r.skip(value)?,

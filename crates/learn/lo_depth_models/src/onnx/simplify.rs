@@ -1,14 +1,15 @@
-//! Functions and constants of a graph, made into nodes and tensors; half and double precision into single.
+//! Inlines functions, turns `Constant` nodes into tensors, and half and double precision into single.
 
 use std::collections::{HashMap, HashSet};
 
 use super::{Attribute, AttributeValue, Data, Element, Function, Graph, MAX_NESTING, MAX_NODES, Model, Node, Tensor};
 use crate::ModelError;
 
-/// A graph without functions, `Constant` nodes and constants among its inputs.
+/// Removes functions, `Constant` nodes, and inputs that are constants.
 ///
 /// # Errors
-/// Functions in functions beyond [`MAX_NESTING`], more nodes than [`MAX_NODES`], constants that are no tensors.
+/// Functions nested deeper than [`MAX_NESTING`], more nodes than [`MAX_NODES`], constants that are not tensors of
+/// numbers.
 pub(crate) fn simplify(model: &mut Model) -> Result<(), ModelError> {
     let functions: HashMap<Key, &Function> = model
         .functions
@@ -22,7 +23,8 @@ pub(crate) fn simplify(model: &mut Model) -> Result<(), ModelError> {
     Ok(())
 }
 
-/// A branch's nodes and tensors as part of the graph around it: names of its own get a prefix. Its outputs' names come with it.
+/// A branch's nodes and tensors for use in the enclosing graph, and its outputs' names. Names defined in the branch get
+/// a prefix.
 pub(crate) fn inlined_branch(branch: &Graph, prefix: &str) -> (Graph, Vec<String>) {
     let own: HashSet<&str> = branch
         .nodes
@@ -65,9 +67,9 @@ impl Inliner<'_> {
         }
         let constants: HashSet<&str> = graph.initializers.iter().map(|tensor| tensor.name.as_str()).collect();
         if constants.len() != graph.initializers.len() {
-            return Err(ModelError::Malformed("two of its tensors have one name".into()));
+            return Err(ModelError::Malformed("two of its tensors have the same name".into()));
         }
-        // Before version 4 of the format, constants were inputs too.
+        // Before version 4 of the format, constants were also inputs.
         graph.inputs.retain(|input| !constants.contains(input.name.as_str()));
         for info in graph.inputs.iter_mut().chain(&mut graph.outputs) {
             if info.element.is_float() {
@@ -83,7 +85,7 @@ impl Inliner<'_> {
             return Err(ModelError::TooLarge(format!("it has more than {MAX_NODES} nodes")));
         }
         if depth > MAX_NESTING {
-            return Err(ModelError::TooLarge(format!("functions call functions more than {MAX_NESTING} deep")));
+            return Err(ModelError::TooLarge(format!("function calls are nested more than {MAX_NESTING} deep")));
         }
         let key = (standard(&node.domain), node.op.as_str(), node.overload.as_str());
         if let Some(&function) = self.functions.get(&key) {
@@ -108,11 +110,11 @@ impl Inliner<'_> {
         Ok(())
     }
 
-    /// The nodes of a function with the names and attributes of a call.
+    /// Nodes of a function, with the names and attributes of a call.
     fn called(&mut self, function: &Function, call: &Node) -> Result<Vec<Node>, ModelError> {
         self.calls += 1;
         if call.inputs.len() > function.inputs.len() || call.outputs.len() > function.outputs.len() {
-            return Err(ModelError::Malformed(format!("{} is called with more than it takes or gives", call.label())));
+            return Err(ModelError::Malformed(format!("{} is called with too many inputs or outputs", call.label())));
         }
         let prefix = format!("{}#{}/", function.name, self.calls);
         let mut names: HashMap<&str, String> = HashMap::new();
@@ -142,7 +144,8 @@ fn element(to: i64) -> Element {
     Element(i32::try_from(to).unwrap_or_default())
 }
 
-/// Attributes of a function's node, those that refer to the call's with their value; what the call and the function leave open is left out.
+/// Attributes of a function's node, with references replaced by the call's or the default value. References without a
+/// value are omitted.
 fn resolved(attributes: Vec<Attribute>, call: &Node, function: &Function) -> Vec<Attribute> {
     let resolve = |mut attribute: Attribute| {
         if attribute.reference.is_empty() {
@@ -183,7 +186,7 @@ fn renamed_node(mut node: Node, rename: &dyn Fn(&str) -> String) -> Node {
 
 /// The tensor of a `Constant` node.
 fn constant(node: Node) -> Result<Tensor, ModelError> {
-    let unsupported = ModelError::Unsupported(format!("{} holds no tensor of numbers", node.label()));
+    let unsupported = ModelError::Unsupported(format!("{} has no tensor of numbers", node.label()));
     let [name] = &node.outputs[..] else { return Err(unsupported) };
     let name = name.clone();
     let words = |values: &[i64]| Data::Bytes(values.iter().flat_map(|value| value.to_le_bytes()).collect());

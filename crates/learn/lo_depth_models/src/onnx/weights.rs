@@ -10,44 +10,44 @@ use super::wire::read_at;
 use super::{AttributeValue, Data, Element, Graph, MAX_TENSORS, MAX_WEIGHT_BYTES, Tensor};
 use crate::ModelError;
 
-/// What a written graph calls the weights; the run time asks for such an ending.
+/// Name of the weights in a written graph. The runtime requires this extension.
 pub(crate) const WEIGHTS_FILE: &str = "weights.data";
 
-/// Tensors up to this many bytes stay in the graph, where their values can be looked at.
+/// Tensors up to this many bytes stay in the graph, where their values are accessible.
 const SMALL_BYTES: usize = 1 << 12;
 
-/// Every tensor begins at a multiple of this.
+/// Alignment of tensors in bytes.
 const ALIGNMENT: usize = 16;
 
-/// Values are converted so many bytes at a time.
+/// Number of bytes that are converted at a time.
 const CHUNK: usize = 1 << 20;
 
-/// The values of all large tensors of a graph, one after the other, little-endian.
+/// Values of all large tensors of a graph, concatenated, little-endian.
 pub(crate) struct Weights(pub Vec<u8>);
 
 impl Weights {
-    /// Takes the values out of the model's file and out of files beside it, and notes in the graph where they lie now. Half and double precision become
-    /// single.
+    /// Reads values from the model's file and from external files, and stores their new location in the graph. Half and
+    /// double precision become single.
     ///
-    /// Nothing is allocated that the files do not hold, and nothing read outside of `folder`.
+    /// Allocates only what the files contain, and reads nothing outside of `folder`.
     ///
     /// # Errors
-    /// Values that do not fit their tensor, types that cannot be run, more than [`MAX_WEIGHT_BYTES`], files beside the model that are not there or
-    /// that lie elsewhere.
+    /// Values that do not match their tensor, unsupported types, more than [`MAX_WEIGHT_BYTES`], external files that
+    /// are missing or outside of the folder.
     pub fn gather<R: BufRead + Seek>(graph: &mut Graph, file: R, folder: Option<&Path>) -> Result<Self, ModelError> {
-        let mut sources = Sources { file, folder, beside: HashMap::new() };
+        let mut sources = Sources { file, folder, external: HashMap::new() };
         let mut tensors = Vec::new();
         tensors_of(graph, &mut tensors);
         if tensors.len() > MAX_TENSORS {
             return Err(ModelError::TooLarge(format!(
-                "it holds {} tensors, at most {} are read",
+                "it has {} tensors, the limit is {}",
                 tensors.len(),
                 MAX_TENSORS
             )));
         }
         let mut total = 0usize;
-        // What several tensors share is kept once.
-        let mut places: HashMap<(Option<String>, u64, u64, i32), usize> = HashMap::new();
+        // Values that several tensors share are stored once.
+        let mut starts: HashMap<(Option<String>, u64, u64, i32), usize> = HashMap::new();
         let mut plan = Vec::new();
         for (index, tensor) in tensors.iter_mut().enumerate() {
             let (stored, kept) = sizes(tensor)?;
@@ -58,15 +58,17 @@ impl Weights {
             }
             let key = match &tensor.data {
                 Data::File { start, bytes } => Some((None, *start, *bytes, tensor.element.0)),
-                Data::Beside { file, start, .. } => Some((Some(file.clone()), *start, stored as u64, tensor.element.0)),
+                Data::External { file, start, .. } => {
+                    Some((Some(file.clone()), *start, stored as u64, tensor.element.0))
+                }
                 _ => None,
             };
-            let known = key.as_ref().and_then(|key| places.get(key)).copied();
+            let known = key.as_ref().and_then(|key| starts.get(key)).copied();
             let start = known.unwrap_or(total);
             plan.push((index, stored, Some((start, kept, known.is_none()))));
             if known.is_none() {
                 total += kept.next_multiple_of(ALIGNMENT);
-                key.map(|key| places.insert(key, start));
+                key.map(|key| starts.insert(key, start));
             }
             if total as u64 > MAX_WEIGHT_BYTES {
                 let most = MAX_WEIGHT_BYTES as f64 / f64::from(1 << 30);
@@ -97,7 +99,7 @@ impl Weights {
     }
 }
 
-/// Of the graph and of the branches in it.
+/// Collects the tensors of a graph and of its branches.
 fn tensors_of<'a>(graph: &'a mut Graph, into: &mut Vec<&'a mut Tensor>) {
     into.extend(&mut graph.initializers);
     for attribute in graph.nodes.iter_mut().flat_map(|node| &mut node.attributes) {
@@ -109,23 +111,23 @@ fn tensors_of<'a>(graph: &'a mut Graph, into: &mut Vec<&'a mut Tensor>) {
     }
 }
 
-/// Bytes of a tensor's values where they are stored, and in memory.
+/// Bytes of a tensor's values in the file and in memory.
 fn sizes(tensor: &Tensor) -> Result<(usize, usize), ModelError> {
     let named = || format!("the tensor \"{}\"", crate::error::short(&tensor.name));
-    let too_large = || ModelError::TooLarge(format!("{} has {:?} values", named(), tensor.dims));
-    let unsupported = || ModelError::Unsupported(format!("{} is of type {}", named(), tensor.element.name()));
+    let too_large = || ModelError::TooLarge(format!("{} has the shape {:?}", named(), tensor.dims));
+    let unsupported = || ModelError::Unsupported(format!("{} has the type {}", named(), tensor.element.name()));
     let length = tensor.len().ok_or_else(too_large)?;
     let stored = length.checked_mul(tensor.element.bytes().ok_or_else(unsupported)?).ok_or_else(too_large)?;
     let kept = if tensor.element.is_float() { length.checked_mul(4).ok_or_else(too_large)? } else { stored };
-    let said = match &tensor.data {
+    let given = match &tensor.data {
         Data::Bytes(bytes) => bytes.len() as u64,
         Data::File { bytes, .. } => *bytes,
-        Data::Beside { bytes, .. } => bytes.unwrap_or(stored as u64),
+        Data::External { bytes, .. } => bytes.unwrap_or(stored as u64),
         Data::Weights { .. } => stored as u64,
     };
-    if said != stored as u64 {
+    if given != stored as u64 {
         return Err(ModelError::Malformed(format!(
-            "{} has {said} bytes of values, its size {:?} needs {stored}",
+            "{} has {given} bytes of values, its shape {:?} needs {stored}",
             named(),
             tensor.dims
         )));
@@ -133,33 +135,33 @@ fn sizes(tensor: &Tensor) -> Result<(usize, usize), ModelError> {
     Ok((stored, kept))
 }
 
-/// Where values come from.
+/// Files that values are read from.
 struct Sources<'a, R> {
     file: R,
     folder: Option<&'a Path>,
-    beside: HashMap<String, (BufReader<File>, u64)>,
+    external: HashMap<String, (BufReader<File>, u64)>,
 }
 
 impl<R: BufRead + Seek> Sources<'_, R> {
-    /// That a file beside the model holds what a tensor takes from it.
+    /// Checks that an external file contains a tensor's values.
     fn check(&mut self, tensor: &Tensor, stored: u64) -> Result<(), ModelError> {
-        let Data::Beside { file, start, .. } = &tensor.data else { return Ok(()) };
+        let Data::External { file, start, .. } = &tensor.data else { return Ok(()) };
         let refused = |why: &str| ModelError::External { file: crate::error::short(file), why: why.to_owned() };
-        let open = match self.beside.entry(file.clone()) {
+        let open = match self.external.entry(file.clone()) {
             Entry::Occupied(open) => open.into_mut(),
             Entry::Vacant(place) => {
                 let folder = self.folder.ok_or_else(|| refused("the model was not read from a folder"))?;
-                place.insert(open_beside(folder, file).map_err(|why| refused(&why))?)
+                place.insert(open_external(folder, file).map_err(|why| refused(&why))?)
             }
         };
-        let end = start.checked_add(stored).ok_or_else(|| refused("its size is impossible"))?;
+        let end = start.checked_add(stored).ok_or_else(|| refused("the offset is invalid"))?;
         if end > open.1 {
             return Err(refused(&format!("it has {} bytes, the model needs {end}: is the download complete?", open.1)));
         }
         Ok(())
     }
 
-    /// Fills `into` with a tensor's values in the precision they are kept in.
+    /// Fills `into` with a tensor's values, in the precision they have in memory.
     fn fill(&mut self, tensor: &Tensor, stored: usize, into: &mut [u8]) -> Result<(), ModelError> {
         let element = tensor.element;
         match &tensor.data {
@@ -168,9 +170,9 @@ impl<R: BufRead + Seek> Sources<'_, R> {
                 Ok(())
             }
             Data::File { start, .. } => read_converted(&mut self.file, *start, stored, element, into),
-            Data::Beside { file, start, .. } => {
+            Data::External { file, start, .. } => {
                 let (open, _) =
-                    self.beside.get_mut(file).ok_or_else(|| ModelError::Malformed("external data".into()))?;
+                    self.external.get_mut(file).ok_or_else(|| ModelError::Malformed("external data".into()))?;
                 read_converted(open, *start, stored, element, into)
             }
             Data::Weights { .. } => Ok(()),
@@ -178,22 +180,22 @@ impl<R: BufRead + Seek> Sources<'_, R> {
     }
 }
 
-/// A file in the model's own folder or below it, with its length.
-fn open_beside(folder: &Path, name: &str) -> Result<(BufReader<File>, u64), String> {
+/// Opens a file in the model's folder or below it, and returns it with its length.
+fn open_external(folder: &Path, name: &str) -> Result<(BufReader<File>, u64), String> {
     let path = Path::new(name);
     let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     if !inside || name.is_empty() {
-        return Err("it does not lie in the model's folder, and is not read".to_owned());
+        return Err("it is outside of the model's folder, so it is not read".to_owned());
     }
     let folder = folder.canonicalize().map_err(|e| e.to_string())?;
-    let path = folder.join(path).canonicalize().map_err(|e| format!("{e}; it belongs beside the model"))?;
+    let path = folder.join(path).canonicalize().map_err(|e| format!("{e}; it must be next to the model"))?;
     if !path.starts_with(&folder) {
-        return Err("it is a link out of the model's folder, and is not read".to_owned());
+        return Err("it links out of the model's folder, so it is not read".to_owned());
     }
     let file = File::open(&path).map_err(|e| e.to_string())?;
     let metadata = file.metadata().map_err(|e| e.to_string())?;
     if !metadata.is_file() {
-        return Err("it is no file".to_owned());
+        return Err("it is not a file".to_owned());
     }
     Ok((BufReader::new(file), metadata.len()))
 }

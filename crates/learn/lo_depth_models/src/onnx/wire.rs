@@ -1,14 +1,14 @@
-//! Protocol Buffers, as far as ONNX needs them.
+//! The parts of Protocol Buffers that ONNX needs.
 
 use std::io::{BufRead, Seek, SeekFrom};
 
 use super::MAX_STRUCTURE_BYTES;
 use crate::ModelError;
 
-/// What one field or one item of a list costs in memory besides its bytes.
+/// Memory of a field or list item besides its bytes.
 const ITEM_BYTES: u64 = 64;
 
-/// Reads fields; knows where it is, and how much it may still keep.
+/// Reads fields, and tracks its position and the memory used.
 pub(super) struct Reader<R> {
     inner: R,
     at: u64,
@@ -26,7 +26,7 @@ pub(super) enum Wire {
     Varint(u64),
     Fixed64(u64),
     Fixed32(u32),
-    /// So many bytes follow, and must be read or skipped.
+    /// Number of bytes that follow and must be read or skipped.
     Length(u64),
 }
 
@@ -55,7 +55,7 @@ impl<R: BufRead + Seek> Reader<R> {
             1 => Wire::Fixed64(u64::from_le_bytes(self.array()?)),
             2 => Wire::Length(self.varint()?),
             5 => Wire::Fixed32(u32::from_le_bytes(self.array()?)),
-            kind => return Err(self.malformed(&format!("there is no wire type {kind}"))),
+            kind => return Err(self.malformed(&format!("the wire type {kind} is invalid"))),
         };
         if let Wire::Length(length) = value {
             self.end_of(length, end)?;
@@ -63,15 +63,15 @@ impl<R: BufRead + Seek> Reader<R> {
         Ok(Some(Field { number: key >> 3, value }))
     }
 
-    /// Where a nested message ends.
+    /// End of a nested message.
     pub fn end_of(&self, length: u64, end: u64) -> Result<u64, ModelError> {
         let inner = self.at.checked_add(length).filter(|&inner| inner <= end);
-        inner.ok_or_else(|| self.malformed("the file is cut off, or is no ONNX file"))
+        inner.ok_or_else(|| self.malformed("the file is truncated, or is not an ONNX file"))
     }
 
     pub fn skip(&mut self, value: Wire) -> Result<(), ModelError> {
         if let Wire::Length(length) = value {
-            let by = i64::try_from(length).map_err(|_| self.malformed("a length is impossible"))?;
+            let by = i64::try_from(length).map_err(|_| self.malformed("a length is invalid"))?;
             self.inner.seek_relative(by).map_err(ModelError::read)?;
             self.at += length;
         }
@@ -105,7 +105,7 @@ impl<R: BufRead + Seek> Reader<R> {
         }
     }
 
-    /// Integers, packed or one alone.
+    /// Integers, packed or single.
     pub fn ints(&mut self, value: Wire, into: &mut Vec<i64>) -> Result<(), ModelError> {
         if let Wire::Length(length) = value {
             let end = self.at + length;
@@ -119,7 +119,7 @@ impl<R: BufRead + Seek> Reader<R> {
         Ok(())
     }
 
-    /// Floats, packed or one alone, as little-endian bytes.
+    /// Floats, packed or single, as little-endian bytes.
     pub fn float_bytes(&mut self, value: Wire, into: &mut Vec<u8>) -> Result<(), ModelError> {
         match value {
             Wire::Fixed32(bits) => into.extend(bits.to_le_bytes()),
@@ -162,7 +162,7 @@ impl<R: BufRead + Seek> Reader<R> {
     }
 }
 
-/// Bytes at a place of a file.
+/// Reads bytes at an offset of a file.
 pub(super) fn read_at<R: BufRead + Seek>(file: &mut R, start: u64, into: &mut [u8]) -> std::io::Result<()> {
     file.seek(SeekFrom::Start(start))?;
     file.read_exact(into)

@@ -1,12 +1,12 @@
-//! A simplified graph as the run time reads it.
+//! Writes a simplified graph for the runtime.
 
 use super::wire::Writer;
 use super::{Attribute, AttributeValue, Data, Dim, Graph, Node, Tensor, ValueInfo, WEIGHTS_FILE};
 
-/// The oldest version of the format in which constants need not be inputs too.
+/// Version of the format; constants need not be inputs from version 4 on.
 const IR_VERSION: i64 = 8;
 
-/// Bytes of a file whose tensors lie in [`super::Weights`].
+/// Bytes of a file whose large tensors are in [`super::Weights`].
 pub(crate) fn write_model(graph: &Graph, opsets: &[(String, i64)]) -> Vec<u8> {
     let mut w = Writer::default();
     w.int(1, IR_VERSION);
@@ -93,7 +93,7 @@ fn write_tensor(w: &mut Writer, tensor: &Tensor) {
             }
             w.int(14, 1);
         }
-        Data::File { .. } | Data::Beside { .. } => unreachable!("weights are gathered before a graph is written"),
+        Data::File { .. } | Data::External { .. } => unreachable!("weights are gathered before a graph is written"),
     }
 }
 

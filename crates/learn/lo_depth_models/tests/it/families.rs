@@ -1,5 +1,5 @@
-//! Models of the published graphs against what onnxruntime makes of them, and models that know the answer against it.
-//! `fixtures/README.md` says what the files are.
+//! Models with published graphs against onnxruntime's outputs, and models of a plane against the plane.
+//! `fixtures/README.md` describes the files.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -9,7 +9,8 @@ use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image};
 use safetensors::SafeTensors;
 
-/// Share of an output's range that two run times may differ by: sums of some thousands of f32 products in another order, through a dozen layers.
+/// Largest difference of two runtimes, as a share of an output's range: sums of thousands of f32 products in another
+/// order, through a dozen layers.
 const SHARE: f32 = 1e-3;
 
 fn file(name: &str) -> PathBuf {
@@ -34,7 +35,7 @@ fn tensors(name: &str) -> (Tensors, HashMap<String, String>) {
     )
 }
 
-/// The test photo at 160 × 120, its pixels repeated to any size by whole numbers, as the fixtures' script does.
+/// The test photo of 160 × 120 at any size by nearest pixels, in integer arithmetic as in the fixtures' script.
 fn photo(width: usize, height: usize) -> Image<[u8; 3]> {
     let bytes = std::fs::read(file("photo.safetensors")).unwrap();
     let tensors = SafeTensors::deserialize(&bytes).unwrap();
@@ -59,7 +60,7 @@ fn imagenet(width: usize, height: usize) -> Vec<f32> {
     input(width, height, 1.0 / 255.0, [0.485, 0.456, 0.406], [0.229, 0.224, 0.225])
 }
 
-/// Runs a fixture and compares all outputs with its reference; the largest difference as a share of an output's range.
+/// Runs a fixture and returns the largest difference from its reference, as a share of an output's range.
 fn difference(model: &str, reference: &str, config: &str, (width, height): (usize, usize), values: &[f32]) -> f32 {
     let config = (!config.is_empty()).then(|| ModelConfig::parse(config).unwrap());
     let model = DepthModel::read(file(model), config.as_ref()).unwrap();
@@ -74,7 +75,7 @@ fn difference(model: &str, reference: &str, config: &str, (width, height): (usiz
         assert_eq!((made.len(), dims.len()), (expected.len(), shape.len()), "{name}: {dims:?} and {shape:?}");
         let (low, high) =
             expected.iter().fold((f32::MAX, f32::MIN), |(low, high), &value| (low.min(value), high.max(value)));
-        // One number has no range but itself.
+        // The range of a single number is its magnitude.
         let range = if high > low { high - low } else { high.abs() };
         let most = made
             .iter()
@@ -114,7 +115,8 @@ fn depth_anything_is_onnxruntimes_at_its_own_and_at_another_size() {
 #[test]
 fn depth_anything_of_other_exporters_and_storage_is_onnxruntimes() {
     let values = imagenet(154, 112);
-    // Half: weights as stored, results in either; a result of half precision has 1/2048, some layers add up.
+    // Half precision: weights as stored, results in either. A result in half precision is exact to 1/2048, and layers
+    // add up.
     let cases = [
         ("depth_anything_v2_small_grid", "depth_anything_v2_small_grid", SHARE),
         ("depth_anything_v2_external", "depth_anything_v2_small_grid", SHARE),
@@ -130,7 +132,7 @@ fn depth_anything_of_other_exporters_and_storage_is_onnxruntimes() {
 #[test]
 fn eight_bits_are_about_onnxruntimes() {
     let most = difference("depth_anything_v2_8bit.onnx", "depth_anything_v2_8bit", "", (154, 112), &imagenet(154, 112));
-    // A step of each layer's input is 1/255 of its range, and which of two steps a value at the edge takes differs.
+    // A step of each layer's input is 1/255 of its range, and values between two steps may be rounded either way.
     assert!(most < 20.0 * SHARE, "{most}");
 }
 
@@ -140,7 +142,7 @@ fn integers_are_onnxruntimes() {
     let config = ModelConfig::parse("kind = \"metric\"\ninput = \"x\"\noutput = \"all\"").unwrap();
     let model = DepthModel::read(file("integers.onnx"), Some(&config)).unwrap();
     let (shape, values) = &expected["x"];
-    // Whole numbers below 2^24
+    // Integers below 2^24 are exact.
     assert_eq!(model.raw(shape, values).unwrap().remove(0).2, expected["all"].1);
 }
 
@@ -184,7 +186,7 @@ fn resize_is_onnxruntimes_in_all_its_modes() {
         for (case, size) in cases {
             let pairs = made[start..start + size].iter().zip(&expected["all"].1[start..start + size]);
             let most = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            // Weights of f32 of values of about 1
+            // Precision of f32 for values of about 1.
             if most.is_nan() || most > 1e-5 {
                 wrong.push(format!("{case}: {most}"));
             }
@@ -195,19 +197,19 @@ fn resize_is_onnxruntimes_in_all_its_modes() {
 }
 
 #[test]
-fn an_output_that_is_no_picture_of_the_photo_is_named() {
+fn an_output_that_is_not_an_image_is_an_error() {
     let config = ModelConfig::parse(&format!("kind = \"metric\"{SIZE}")).unwrap();
     let model = DepthModel::read(file("odd_rank_of_output.onnx"), Some(&config)).unwrap();
-    let told = model.predict(&photo(640, 480), None, &mut |_| std::ops::ControlFlow::Continue(()));
-    assert!(matches!(told, Err(ModelError::Output { .. })));
+    let prediction = model.predict(&photo(640, 480), None, &mut |_| std::ops::ControlFlow::Continue(()));
+    assert!(matches!(prediction, Err(ModelError::Output { .. })));
 }
 
-/// `1 / z` of the fixtures' plane, `u` and `v` from 0 to 1 across the picture.
+/// `1 / z` of the fixtures' plane, with `u` and `v` from 0 to 1 across the image.
 fn plane(u: f64, v: f64) -> f64 {
     0.5 + 0.1 * u - 0.25 * v
 }
 
-/// A photo of 4:3 and the camera of 60 degrees that the planes of Metric3D and MoGe-2 are seen by.
+/// A 4:3 photo and the camera of 60 degrees for the planes of Metric3D and MoGe-2.
 fn four_to_three() -> (Image<[u8; 3]>, Camera) {
     (photo(640, 480), Camera::from_hfov_deg(60.0, 640, 480).unwrap())
 }
@@ -218,7 +220,7 @@ fn predicted(model: &str, config: &str, camera: Option<&Camera>) -> Prediction {
     model.predict(&four_to_three().0, camera, &mut |_| std::ops::ControlFlow::Continue(())).unwrap()
 }
 
-/// The largest ratio of a depth to the plane's, less one, of the pixels that have a reading; and their share.
+/// The largest relative error against the plane's depth among pixels with a reading, and their share.
 fn off(depth: &DepthMap, inverse: impl Fn(f64, f64) -> f64) -> (f64, f64) {
     let (width, height) = (depth.width(), depth.height());
     let (mut most, mut readings) = (0.0f64, 0);
@@ -244,7 +246,7 @@ fn metres_are_those_of_the_plane() {
 
 #[test]
 fn relative_depth_becomes_the_planes_metres() {
-    // Coarse depth of another size, a quarter of it wrong
+    // Coarse depth of another size, a quarter of it wrong.
     let rough = DepthMap::from_fn(40, 30, |x, y| {
         let z = plane((x as f64 + 0.5) / 40.0, (y as f64 + 0.5) / 30.0).recip() as f32;
         if (x * 7 + y * 11) % 4 == 0 { 0.6 * z } else { z }
@@ -258,7 +260,7 @@ fn relative_depth_becomes_the_planes_metres() {
         };
         let fit = affine::fit_inverse(&inverse, &rough).unwrap();
         let (most, share) = off(&affine::metres_of_inverse(&inverse, &fit), plane);
-        // The coarse depth is seen half a pixel beside its place at most, 0.1 / 40 of 0.25 per metre.
+        // The coarse depth is at most half a pixel off, 0.1 / 40 of 0.25 per metre.
         assert!(most < 0.01 && share == 1.0, "{model}: {most}, {share}, {fit:?}");
     }
     let Geometry::Log(log) = predicted("plane_log.onnx", &format!("kind = \"log\"{SIZE}"), None).geometry else {
@@ -270,26 +272,26 @@ fn relative_depth_becomes_the_planes_metres() {
 }
 
 #[test]
-fn moge_tells_lens_metres_and_normals() {
+fn moge_predicts_lens_metres_and_normals() {
     for model in ["plane_moge2.onnx", "plane_moge2_scale.onnx"] {
-        let told = predicted(model, "", None);
-        let angles = told.field_of_view.unwrap();
+        let prediction = predicted(model, "", None);
+        let angles = prediction.field_of_view.unwrap();
         assert!((angles.horizontal_deg - 60.0).abs() < 0.06, "{angles:?}");
         // 2 atan(tan 30° · 3/4)
         assert!((angles.vertical_deg - 46.826).abs() < 0.06, "{angles:?}");
-        let Geometry::Metric(depth) = told.geometry else { panic!("metres") };
+        let Geometry::Metric(depth) = prediction.geometry else { panic!("metres") };
         let (most, share) = off(&depth, plane);
         // A tenth of either side is masked.
         assert!(most < 0.01 && (share - 0.99).abs() < 0.002, "{most}, {share}");
         assert_eq!(depth.pixels()[0], 0.0);
-        let normals = told.normals.unwrap();
+        let normals = prediction.normals.unwrap();
         assert_eq!((normals.pixels()[0], normals.pixels().last()), (Vec3::ZERO, Some(&Vec3::Z)));
-        // The lens known, the shift alone is found.
-        let told = predicted(model, "", Some(&four_to_three().1));
-        let Geometry::Metric(depth) = told.geometry else { panic!("metres") };
-        assert!(off(&depth, plane).0 < 0.01 && told.field_of_view.is_none());
+        // With a known lens, the shift alone is solved for.
+        let prediction = predicted(model, "", Some(&four_to_three().1));
+        let Geometry::Metric(depth) = prediction.geometry else { panic!("metres") };
+        assert!(off(&depth, plane).0 < 0.01 && prediction.field_of_view.is_none());
     }
-    // Without a scale points are metres but for a factor.
+    // Without a scale, points are metres up to a factor.
     let Geometry::Log(log) = predicted("plane_points.onnx", &format!("kind = \"points\"{SIZE}"), None).geometry else {
         panic!("points have no scale")
     };
@@ -305,13 +307,13 @@ fn moge_tells_lens_metres_and_normals() {
 #[test]
 fn metric3d_is_scaled_by_the_lens_and_cropped() {
     let (_, camera) = four_to_three();
-    let told = predicted("plane_metric3d.onnx", "", Some(&camera));
-    let Geometry::Metric(depth) = told.geometry else { panic!("metres") };
-    // 640 × 480 fits as 821 × 616 into 1064 × 616 from column 121 on.
+    let prediction = predicted("plane_metric3d.onnx", "", Some(&camera));
+    let Geometry::Metric(depth) = prediction.geometry else { panic!("metres") };
+    // 640 × 480 becomes 821 × 616 in 1064 × 616, from column 121 on.
     let (most, share) = off(&depth, |u, v| plane((121.0 + 821.0 * u) / 1064.0, v));
     assert!(most < 1e-3 && share == 1.0, "{most}, {share}");
-    assert!(told.normals.unwrap().pixels().iter().all(|normal| *normal == Vec3::Z));
-    // A lens twice as long makes all twice as far.
+    assert!(prediction.normals.unwrap().pixels().iter().all(|normal| *normal == Vec3::Z));
+    // Twice the focal length doubles the depth.
     let tele = Camera::new(2.0 * camera.fx, 2.0 * camera.fy, camera.cx, camera.cy, 640, 480).unwrap();
     let Geometry::Metric(far) = predicted("plane_metric3d.onnx", "", Some(&tele)).geometry else { panic!("metres") };
     assert!((far.pixels()[0] / depth.pixels()[0] - 2.0).abs() < 1e-5);
@@ -328,7 +330,7 @@ fn metric3d_is_normalised_once() {
     let canonical = camera.fx * 821.0 / 640.0 / 1000.0;
     for (a, b) in inside.pixels().iter().zip(outside.pixels()) {
         assert!((a / b - 1.0).abs() < 1e-5);
-        // 100 + (red − 123.675) / 58.395 of red from 0 to 255
+        // 100 + (red − 123.675) / 58.395 for red from 0 to 255.
         assert!((97.88..102.25).contains(&(f64::from(*a) / canonical)));
     }
 }
@@ -346,7 +348,7 @@ fn odd_files_are_read() {
         ("odd_nan.onnx", format!("kind = \"metric\"{SIZE}"), 0.5),
     ] {
         let (most, readings) = off(&metric(model, &config), plane);
-        // Half has eleven bits.
+        // Half precision has eleven bits.
         assert!(most < 1e-3 && (readings - share).abs() < 0.01, "{model}: {most}, {readings}");
     }
     let fixed = metric("odd_fixed_size.onnx", "kind = \"metric\"\nmean = [0.0, 0.0, 0.0]");
@@ -354,7 +356,7 @@ fn odd_files_are_read() {
 }
 
 #[test]
-fn what_is_no_depth_model_is_named() {
+fn files_that_are_no_depth_model_are_errors() {
     let error = |model: &str, config: &str| {
         let config = (!config.is_empty()).then(|| ModelConfig::parse(config).unwrap());
         DepthModel::read(file(model), config.as_ref())
@@ -368,7 +370,7 @@ fn what_is_no_depth_model_is_named() {
         signature.contains("input") && signature.contains("[1, 3, 224, 224]") && signature.contains("logits"),
         "{signature}"
     );
-    // What is shown to be filled in can be read.
+    // The suggested config is valid.
     assert!(ModelConfig::parse(&config).is_ok(), "{config}");
     assert!(matches!(error("odd_all_nan.onnx", &format!("kind = \"metric\"{SIZE}")), ModelError::Output { .. }));
     for model in ["odd_rank_of_input.onnx", "odd_operator.onnx", "odd_lost_data.onnx"] {
@@ -377,7 +379,7 @@ fn what_is_no_depth_model_is_named() {
         println!("{model}: {error}");
     }
     assert!(matches!(error("odd_lost_data.onnx", &format!("kind = \"metric\"{SIZE}")), ModelError::External { .. }));
-    // Untrained networks give nonsense; what comes of it is depth or an error, never a panic.
+    // Untrained networks give nonsense, which results in depth or an error, never in a panic.
     println!("moge2.onnx: {:?}", error("moge2.onnx", ""));
 }
 
@@ -386,7 +388,7 @@ fn configs_of_the_documents_can_be_read() {
     let page = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../docs/depth-models.md");
     let page = std::fs::read_to_string(page).unwrap();
     let configs: Vec<_> = page.split("```toml\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect();
-    assert!(configs.len() >= 5, "one for each kind, and more");
+    assert!(configs.len() >= 5, "at least one for each kind");
     let kinds: Vec<_> = configs.iter().map(|config| ModelConfig::parse(config).unwrap().kind.unwrap()).collect();
     for kind in [Kind::Metric, Kind::InverseAffine, Kind::Log, Kind::Points] {
         assert!(kinds.contains(&kind), "{kind:?}");

@@ -1,4 +1,4 @@
-//! Files that are damaged, or made to do harm: an error, never a panic, never much memory.
+//! Damaged and hostile files: they give an error, and neither a panic nor a large allocation.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ fn varint(mut value: u64) -> Vec<u8> {
     bytes
 }
 
-/// A field of Protocol Buffers that has a length.
+/// A length-delimited field of Protocol Buffers.
 fn field(number: u8, content: &[u8]) -> Vec<u8> {
     [varint(u64::from(number) << 3 | 2), varint(content.len() as u64), content.to_vec()].concat()
 }
@@ -55,7 +55,7 @@ fn info(number: u8, name: &str, dims: &[u64]) -> Vec<u8> {
     field(number, &[text(1, name), field(2, &kind)].concat())
 }
 
-/// A file that takes `x` [1, 3, 14, 28] and gives `y`.
+/// A file with the input `x` [1, 3, 14, 28] and the output `y`.
 fn file(graph: &[Vec<u8>], further: &[Vec<u8>]) -> Vec<u8> {
     let graph = [graph.concat(), info(11, "x", &[1, 3, 14, 28]), field(12, &text(1, "y"))].concat();
     [int(1, 8), field(7, &graph), field(8, &int(2, 17)), further.concat()].concat()
@@ -63,16 +63,16 @@ fn file(graph: &[Vec<u8>], further: &[Vec<u8>]) -> Vec<u8> {
 
 fn run(bytes: &[u8]) -> Result<Prediction, ModelError> {
     let config = ModelConfig::parse("kind = \"metric\"").unwrap();
-    told(DepthModel::from_bytes(bytes, Some(&config))?)
+    predicted(DepthModel::from_bytes(bytes, Some(&config))?)
 }
 
-fn told(model: DepthModel) -> Result<Prediction, ModelError> {
+fn predicted(model: DepthModel) -> Result<Prediction, ModelError> {
     let photo = Image::from_fn(56, 28, |x, y| [4 * x as u8, 8 * y as u8, 100]);
     let camera = Camera::from_hfov_deg(60.0, 56, 28).unwrap();
     model.predict(&photo, Some(&camera), &mut |_| std::ops::ControlFlow::Continue(()))
 }
 
-/// Most memory that this process had, in bytes.
+/// Peak memory of this process in bytes.
 fn peak_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
@@ -200,7 +200,7 @@ fn sizes_do_not_explode() {
             ),
         ),
         ("Concat doubles", doubled(60)),
-        // Large, not too large for one tensor, too much for a run.
+        // Each tensor is small enough, but a run is too large.
         ("many of 100 MB", {
             let mut nodes = vec![ints("s", &[4], &[1, 3, 3000, 3000])];
             let mut sum = "x".to_owned();
@@ -225,14 +225,14 @@ fn sizes_do_not_explode() {
         let error = run(&bytes).unwrap_err();
         println!("{name}: {error}");
         assert!(matches!(error, ModelError::TooLarge(_) | ModelError::Node { .. }), "{name}: {error}");
-        assert!(!error.to_string().contains("rten gave up"), "{name}: {error}");
+        assert!(!error.to_string().contains("internal error in rten"), "{name}: {error}");
     }
     assert!(peak_bytes() < 1 << 30, "{}", peak_bytes());
 }
 
 #[test]
-fn what_lies_in_each_other_or_itself_is_no_trap() {
-    // Branches in branches, deeper than any stack.
+fn deep_nesting_and_cycles_are_errors() {
+    // Nested branches, deeper than any stack.
     let mut graph = field(12, &text(1, "y"));
     for _ in 0..20_000 {
         let branch = [text(1, "then_branch"), field(6, &graph), int(20, 5)].concat();
@@ -240,7 +240,7 @@ fn what_lies_in_each_other_or_itself_is_no_trap() {
     }
     let bytes = [int(1, 8), field(7, &graph)].concat();
     assert!(matches!(DepthModel::from_bytes(&bytes, None).unwrap_err(), ModelError::TooLarge(_)));
-    // A function that calls itself, and functions that each call the next a hundred times.
+    // A function that calls itself, and functions that each call the next one a hundred times.
     let function = |name: &str, calls: &str, times: usize| {
         let mut body = [text(1, name), text(4, "a"), text(5, "b"), text(10, "own")].concat();
         for index in 0..times {
@@ -256,26 +256,26 @@ fn what_lies_in_each_other_or_itself_is_no_trap() {
     let laughs: Vec<Vec<u8>> =
         (0..8).map(|index| function(&format!("f{index}"), &format!("f{}", index + 1), 100)).collect();
     assert!(matches!(run(&file(&[call], &laughs)).unwrap_err(), ModelError::TooLarge(_)));
-    // Nodes in a circle, and a chain longer than the stack.
-    let circle = file(
+    // A cycle of nodes, and a chain longer than the stack.
+    let cycle = file(
         &[node("Add", &["x", "b"], &["a"], &[]), node("Relu", &["a"], &["b"], &[]), node("Relu", &["a"], &["y"], &[])],
         &[],
     );
-    assert!(matches!(run(&circle).unwrap_err(), ModelError::Malformed(_)));
+    assert!(matches!(run(&cycle).unwrap_err(), ModelError::Malformed(_)));
     let chain = |count: usize| {
         let mut nodes = vec![node("Relu", &["x"], &["n0"], &[])];
         nodes.extend((1..count).map(|at| node("Relu", &[&format!("n{}", at - 1)], &[&format!("n{at}")], &[])));
         nodes.push(node("ReduceMax", &[&format!("n{}", count - 1)], &["y"], &[attribute_int("keepdims", 1)]));
         run(&file(&nodes, &[])).unwrap_err()
     };
-    // The longest that runs gives one number, which is no picture.
+    // The longest chain that runs has one number as its output, which is not an image.
     assert!(matches!(chain(9_999), ModelError::Output { .. }));
     assert!(matches!(chain(40_000), ModelError::TooLarge(_)));
     assert!(peak_bytes() < 1 << 30, "{}", peak_bytes());
 }
 
 #[test]
-fn tensors_hold_what_they_say() {
+fn tensors_match_their_declared_size() {
     let add = node("Add", &["x", "w"], &["y"], &[]);
     let tensor = |dims: &[u64], element: u64, data: Vec<u8>| {
         let dims = dims.iter().flat_map(|&dim| int(1, dim)).collect::<Vec<u8>>();
@@ -302,7 +302,7 @@ fn tensors_hold_what_they_say() {
 }
 
 #[test]
-fn weights_beside_the_model_stay_beside_it() {
+fn external_weights_stay_in_the_models_folder() {
     let folder = tempfile::tempdir().unwrap();
     let (inside, secret) = (folder.path().join("models"), folder.path().join("secret.data"));
     std::fs::create_dir(&inside).unwrap();
@@ -310,7 +310,7 @@ fn weights_beside_the_model_stay_beside_it() {
     std::fs::write(inside.join("short.data"), [0u8; 8]).unwrap();
     #[cfg(unix)]
     std::os::unix::fs::symlink(&secret, inside.join("link.data")).unwrap();
-    let beside = |location: &str| {
+    let external = |location: &str| {
         let entry = |key: &str, value: &str| field(13, &[text(1, key), text(2, value)].concat());
         let tensor =
             [int(1, 28), int(2, 1), text(8, "w"), entry("location", location), entry("length", "112"), int(14, 1)]
@@ -330,7 +330,7 @@ fn weights_beside_the_model_stay_beside_it() {
         "/dev/zero",
     ] {
         let path = inside.join("model.onnx");
-        std::fs::write(&path, beside(location)).unwrap();
+        std::fs::write(&path, external(location)).unwrap();
         let error = DepthModel::read(&path, None).unwrap_err();
         assert!(matches!(error, ModelError::External { .. }), "{location}: {error}");
         println!("{error}");
@@ -341,7 +341,7 @@ fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures")
 }
 
-/// Changes a few bytes, cuts, doubles and mixes parts; from a seed.
+/// Changes, truncates, duplicates and mixes bytes, from a seed.
 fn mutated(files: &[Vec<u8>], seed: u64) -> Vec<u8> {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let mut next = |below: usize| {
@@ -383,23 +383,23 @@ fn survive(seeds: std::ops::Range<u64>) {
     paths.sort();
     let files: Vec<Vec<u8>> = paths.iter().map(|path| std::fs::read(path).unwrap()).collect();
     let config = ModelConfig::parse("kind = \"metric\"\nsize = { rule = \"fixed\", width = 28, height = 14 }").unwrap();
-    let (mut ran, mut gave_up) = (0, 0);
+    let (mut ran, mut panicked) = (0, 0);
     for seed in seeds {
         let bytes = mutated(&files, seed);
         let known = match DepthModel::from_bytes(&bytes, None) {
             Err(ModelError::Unknown { .. }) => DepthModel::from_bytes(&bytes, Some(&config)),
             known => known,
         };
-        match known.and_then(told) {
+        match known.and_then(predicted) {
             Ok(_) => ran += 1,
-            Err(error) if error.to_string().contains("rten gave up") => {
-                gave_up += 1;
+            Err(error) if error.to_string().contains("internal error in rten") => {
+                panicked += 1;
                 println!("seed {seed}: {error}");
             }
             Err(_) => {}
         }
     }
-    println!("{ran} ran, {gave_up} ended in a panic of rten that was caught; at most {} MB", peak_bytes() >> 20);
+    println!("{ran} ran, {panicked} ended in a caught panic of rten; peak memory {} MB", peak_bytes() >> 20);
     assert!(peak_bytes() < 2 << 30, "{}", peak_bytes());
 }
 

@@ -1,4 +1,4 @@
-//! Depth networks of others. One binary, so that it is linked once.
+//! Third-party depth networks. One binary for all tests, so that it is linked once.
 #![allow(clippy::unwrap_used)]
 
 mod families;

@@ -54,6 +54,7 @@ impl BlockProduct<'_> {
     ///
     /// # Panics
     /// Where a step exceeds the slices.
+    #[allow(unsafe_code)]
     pub fn block(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         let Some(last) = self.offsets.iter().max() else {
             *out = [[0.0; BLOCK]; BLOCK];
@@ -94,6 +95,7 @@ impl BlockProduct<'_> {
     /// # Safety
     /// AMX is [`available`], there is at least one step, and no step exceeds the slices.
     #[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+    #[allow(unsafe_code)]
     unsafe fn amx_block(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         let [a, b] = self.halves.map(|start| self.left[start..].as_ptr());
         // SAFETY: the function's contract keeps reads within the slices; writes go to `out`. Tiles are configured, used
@@ -175,6 +177,7 @@ fn detect() -> bool {
 }
 
 #[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+#[allow(unsafe_code)]
 fn detect() -> bool {
     use std::arch::x86_64::{__cpuid, __cpuid_count};
     // CPUID bits of AMX-BF16 and AMX-TILE.
