@@ -54,16 +54,6 @@ pub struct Bounds {
     pub max: Vec3,
 }
 
-impl Model {
-    /// Computes missing tangents for normal textures by Mikkelsen's tangent space. Splits vertices where two tangents
-    /// meet.
-    ///
-    /// Does nothing without normal textures.
-    pub fn complete_tangents(&mut self) {
-        crate::tangents::complete(self);
-    }
-}
-
 impl Bounds {
     /// Centre of the box.
     pub fn center(&self) -> Vec3 {

@@ -4,6 +4,16 @@ use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 
 use crate::{MeshWarning, Model};
 
+impl Model {
+    /// Computes missing tangents for normal textures by Mikkelsen's tangent space. Splits vertices where two tangents
+    /// meet.
+    ///
+    /// Does nothing without normal textures.
+    pub fn complete_tangents(&mut self) {
+        complete(self);
+    }
+}
+
 /// Computes tangents that normal textures need and the file lacks, by Mikkelsen's tangent space as specified by glTF.
 ///
 /// Splits vertices where two tangents meet. Drops all tangents if no material has a normal texture.

@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use lo_completion::PanoramaError;
 use lo_cone::{Cone, OctreeRenderer};
 use lo_dataset::{NovelView, Sample, TrueLeaves};
-use lo_estimate::{EstimateError, EstimateOptions, Estimator, Input, lit_by};
+use lo_estimate::{EstimateOptions, Estimator, Input, lit_by};
 use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
 use lo_lookup::SceneRenderer;
-use lo_octree::{LightOctree, OctreeError};
-use lo_scene::{Completion, Estimate, Frame, FrameError, GuessedLight, LightMode, LightTuning, LitScene};
+use lo_octree::LightOctree;
+use lo_scene::{Completion, Estimate, Frame, GuessedLight, LightMode, LightTuning, LitScene};
 
+use crate::method_error::MethodError;
 use crate::prior::{is_mismatch, unchanged, yaw_error_deg};
 use crate::{KnownPanorama, PriorAlignment, Profile, baseline};
 
@@ -84,29 +84,6 @@ pub struct Tools<'a> {
     pub known: Option<&'a KnownPanorama>,
     /// A panorama of a different room, for `PriorPanorama::OfAnotherRoom`.
     pub foreign: Option<&'a KnownPanorama>,
-}
-
-/// Errors of a method on a sample.
-#[derive(Debug, thiserror::Error)]
-pub enum MethodError {
-    /// The sample or the tools lack a required input.
-    #[error("needs {0}")]
-    Needs(&'static str),
-    /// Photo and depth are inconsistent.
-    #[error(transparent)]
-    Frame(#[from] FrameError),
-    /// The estimate failed.
-    #[error(transparent)]
-    MethodOutput(#[from] EstimateError),
-    /// The octree cannot be built.
-    #[error(transparent)]
-    Octree(#[from] OctreeError),
-    /// The known panorama is invalid.
-    #[error(transparent)]
-    Panorama(#[from] PanoramaError),
-    /// An object cannot be inserted into the photo.
-    #[error("{0}")]
-    Insertion(String),
 }
 
 /// A method's result for a room.

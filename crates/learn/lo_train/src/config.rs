@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use lo_dataset::{CropModel, GeneratorConfig};
+use lo_dataset::GeneratorConfig;
 use lo_events::{TrainedNetworks, TrainingPhase};
 use lo_nets::depth::{DepthLossConfig, EncoderKind, LONGER_SIDE};
 use lo_nets::light::{LightLossConfig, LightNetConfig};
@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::augmentation::AugmentationConfig;
 use crate::error::{ConfigError, check_range};
+use crate::panorama_data::PanoramaData;
 use crate::phases::{
     DepthPhase, ExpectedPhase, LightPhase, Phase, Schedule, depth_phases, expected_phases, joint_phases, light_phases,
 };
@@ -83,18 +84,6 @@ pub struct DataConfig {
     /// Number of samples to prefetch.
     #[serde(alias = "ahead")]
     pub prefetch: usize,
-}
-
-/// A folder of panoramas and how to crop photos from them.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PanoramaData {
-    /// The folder of panoramas.
-    pub folder: PathBuf,
-    /// Folder of hand-drawn floor plans of the rooms. Panoramas without a plan have no depth.
-    pub plans: Option<PathBuf>,
-    /// Cameras of the crops. The seed is the run's.
-    pub crop: CropModel,
 }
 
 /// A list of photos with measured depth. All of them are training data.

@@ -13,6 +13,7 @@ mod learner;
 mod log;
 mod net_trainer;
 mod oversampled;
+mod panorama_data;
 #[doc(hidden)]
 pub mod peer_cases;
 mod phases;
@@ -32,9 +33,10 @@ pub mod weight_files;
 mod weights;
 
 pub use augmentation::AugmentationConfig;
-pub use config::{DataConfig, FramesData, PanoramaData, TrainConfig, ValidationConfig};
+pub use config::{DataConfig, FramesData, TrainConfig, ValidationConfig};
 pub use encoder_weights::{EncoderOrigin, published, read_encoder};
 pub use error::{ConfigError, StepError, TrainError};
+pub use panorama_data::PanoramaData;
 pub use phases::{DepthPhase, LightPhase, Schedule};
 pub use rays::{panorama_rays, sample_panorama_rays};
 pub use report::{LightReport, ValidationReport};

@@ -1,7 +1,7 @@
 //! Phases of a run: their steps, learning rates and examples.
 
 use crate::augmentation::AugmentationConfig;
-use crate::config::PanoramaData;
+use crate::panorama_data::PanoramaData;
 use lo_events::{TrainedNetworks, TrainingPhase};
 use serde::de::{DeserializeOwned, Error};
 use serde::{Deserialize, Deserializer, Serialize};

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use lo_dataset::{ConcatDataset, CropModel, Dataset, DatasetLayout, Frames, GeneratedDataset, Generator};
 
-use crate::config::{FramesData, PanoramaData, TrainConfig};
+use crate::config::{FramesData, TrainConfig};
 use crate::error::{ConfigError, TrainError};
 use crate::oversampled::Oversampled;
+use crate::panorama_data::PanoramaData;
 
 /// Datasets that a run trains and validates on.
 pub(crate) struct Sources {

@@ -3,31 +3,9 @@
 use lo_geometry::Cube;
 
 use crate::light::{check_cube, is_feature};
-use crate::pyramid::pyramid_by_depth;
+use crate::pyramid::{Ancestor, LeafRows, pyramid_by_depth};
 use crate::topology::check_depths;
 use crate::{LightOctree, Octree, OctreeError};
-
-/// Leaves of one depth.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct LeafRows {
-    /// Shuffled keys, strictly increasing.
-    pub keys: Vec<u32>,
-    /// Linear RGB radiance (finite, not negative) and opacity in [0, 1].
-    pub rgba: Vec<[f32; 4]>,
-    /// Observed share, 0 to 255.
-    pub seen: Vec<u8>,
-}
-
-/// Content of a node above the leaves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Ancestor {
-    /// Colour, opacity and observed share merged from the children, as in [`LightOctree::from_points`].
-    Merged,
-    /// Colour and observed share merged from the children, with this opacity.
-    Opacity(f32),
-    /// This RGBα and observed share.
-    Known([f32; 4], u8),
-}
 
 impl LightOctree {
     /// Builds the octree whose leaves of depth `d` are `leaves[d]`, full down to `full_depth`.

@@ -12,7 +12,29 @@
 
 use rayon::prelude::*;
 
-use crate::{Ancestor, LeafRows, Level, MAX_ALPHA, Neighbours, Octree, leaves::Leaves};
+use crate::{Level, MAX_ALPHA, Neighbours, Octree, leaves::Leaves};
+
+/// Leaves of one depth.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LeafRows {
+    /// Shuffled keys, strictly increasing.
+    pub keys: Vec<u32>,
+    /// Linear RGB radiance (finite, not negative) and opacity in [0, 1].
+    pub rgba: Vec<[f32; 4]>,
+    /// Observed share, 0 to 255.
+    pub seen: Vec<u8>,
+}
+
+/// Content of a node above the leaves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ancestor {
+    /// Colour, opacity and observed share merged from the children, as in [`LightOctree::from_points`](crate::LightOctree::from_points).
+    Merged,
+    /// Colour and observed share merged from the children, with this opacity.
+    Opacity(f32),
+    /// This RGBα and observed share.
+    Known([f32; 4], u8),
+}
 
 /// Opacity along an axis from which a node counts as part of a surface across it. A thin pole blocks a quarter of the
 /// columns of a large node and stays below. Of two nodes that share a slanted wall, one has at least half of it and is

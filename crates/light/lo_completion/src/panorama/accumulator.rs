@@ -1,7 +1,20 @@
 //! Accumulation of the light that rays deposit on a leaf.
 
-use super::deposits::Deposit;
 use super::rays::RayLight;
+
+/// The part of a ray that ends on a leaf.
+pub(super) struct Deposit {
+    pub leaf: u32,
+    pub column: u32,
+    /// Share of the ray that the leaf stops.
+    pub weight: f32,
+    /// Share of the ray that reaches the leaf.
+    pub arriving: f32,
+    /// Whether the view is closed at this leaf, which therefore gets the lamps of the ray.
+    pub closes: bool,
+    /// Whether the leaf is directly behind the one that closes the view.
+    pub behind: bool,
+}
 
 #[derive(Clone, Copy, Debug, Default)]
 /// Sums over the deposits on a leaf; shares of rays are multiplied by the rays' solid angle.

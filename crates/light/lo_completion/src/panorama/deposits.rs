@@ -6,7 +6,7 @@ use lo_geometry::{Ray, Vec3};
 use lo_octree::{LightOctree, key_from_xyz};
 use rayon::prelude::*;
 
-use super::accumulator::LeafAccumulator;
+use super::accumulator::{Deposit, LeafAccumulator};
 use super::leaves::{LeafSet, NodeKey};
 use super::march::{Crossing, march};
 use super::rays::Rays;
@@ -39,20 +39,6 @@ pub(super) struct RayDeposits {
     pub sums: Vec<LeafAccumulator>,
     /// Depths and keys of the empty nodes at the cube's side through which rays leave.
     pub sides: Vec<NodeKey>,
-}
-
-/// The part of a ray that ends on a leaf.
-pub(super) struct Deposit {
-    leaf: u32,
-    column: u32,
-    /// Share of the ray that the leaf stops.
-    pub weight: f32,
-    /// Share of the ray that reaches the leaf.
-    pub arriving: f32,
-    /// Whether the view is closed at this leaf, which therefore gets the lamps of the ray.
-    pub closes: bool,
-    /// Whether the leaf is directly behind the one that closes the view.
-    pub behind: bool,
 }
 
 impl LeafSet {

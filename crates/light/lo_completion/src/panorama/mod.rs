@@ -12,6 +12,7 @@ mod matching;
 mod observed_rays;
 mod prior;
 mod rays;
+mod splitting;
 
 pub use apply::{ApplyPanoramaError, PanoramaReport, apply_panorama};
 pub use matching::{MIN_CONFIDENCE, PanoramaMatch, match_panorama};
