@@ -43,7 +43,7 @@ pub enum ExportError {
     },
     /// The output's name has no file name to derive those of the files beside it from.
     #[error("{0} does not name a file in Unicode, which other programs' references to the files beside it need")]
-    BesideName(PathBuf),
+    UnusableStem(PathBuf),
     /// Nothing says which way is up.
     #[error(
         "the scene does not know which way is up, so it cannot be levelled; estimate it with depth, or export it without --level"

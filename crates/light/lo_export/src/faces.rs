@@ -2,8 +2,8 @@ use lo_geometry::Vec3;
 use lo_octree::{LeafNode, LightOctree};
 
 use crate::free_space;
+use crate::lamps::FaceEmission;
 use crate::room_mesh;
-use crate::sources::Kept;
 
 /// The faces of an octree's leaves that the room's air touches, as [`write`](crate::write) makes a mesh of them.
 ///
@@ -22,7 +22,7 @@ impl RoomFaces {
     /// Of an octree about the camera at the origin.
     pub fn of(light: &LightOctree) -> Self {
         let leaves = free_space::leaves(light, None);
-        let kept = vec![Kept::All; leaves.len()];
+        let kept = vec![FaceEmission::All; leaves.len()];
         let mesh = room_mesh::from_leaves(&leaves, &kept, &light.cube, light.octree.depth());
         // The mesh has the faces of one leaf after the other.
         let of_faces = leaves.iter().flat_map(|leaf| leaf.exposed_faces().map(|_| leaf.leaf_node()));

@@ -90,7 +90,7 @@ impl Leaf {
 /// `panorama_share` is that of the rows, by depth, where there is one.
 pub(crate) fn leaves(light: &LightOctree, panorama_share: Option<&[Vec<u8>]>) -> Vec<Leaf> {
     let coordinates = coordinates(&light.octree);
-    let air = Air::flood(light, &coordinates);
+    let air = FreeSpace::flood(light, &coordinates);
     let mut leaves = Vec::new();
     for (depth, level) in light.octree.levels().iter().enumerate() {
         let depth = depth as u32;
@@ -123,7 +123,7 @@ fn coordinates(octree: &Octree) -> Vec<Vec<[u32; 3]>> {
 }
 
 /// What the flood from the camera reached.
-struct Air<'a> {
+struct FreeSpace<'a> {
     light: &'a LightOctree,
     /// `reached[d][node]`: air that the flood came to.
     reached: Vec<Vec<bool>>,
@@ -131,7 +131,7 @@ struct Air<'a> {
     outside: bool,
 }
 
-impl<'a> Air<'a> {
+impl<'a> FreeSpace<'a> {
     fn flood(light: &'a LightOctree, coordinates: &[Vec<[u32; 3]>]) -> Self {
         let reached = light.octree.levels().iter().map(|level| vec![false; level.keys.len()]).collect();
         let mut air = Self { light, reached, outside: false };

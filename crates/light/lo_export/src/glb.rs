@@ -15,11 +15,11 @@ use serde_json::{Map, Value, json};
 use crate::ExportError;
 use crate::atlas::Atlas;
 use crate::header::{FRAME, GENERATOR, LEVEL_FRAME, UNITS};
-use crate::level::Level;
+use crate::lamps::Lamp;
 use crate::points::Point;
 use crate::probe::ProbeFile;
 use crate::room_mesh::RoomMesh;
-use crate::sources::Source;
+use crate::world_frame::WorldFrame;
 
 /// Modes of primitives.
 const POINTS: u32 = 0;
@@ -38,7 +38,7 @@ const STRENGTH_STEP: f32 = 4.0;
 const MIN_STRENGTH: f32 = 1.0 / 64.0;
 
 /// What the file shows.
-pub(crate) enum Shown<'a> {
+pub(crate) enum SceneGeometry<'a> {
     /// The room, emitting.
     Room(&'a RoomMesh),
     /// Points with colours.
@@ -46,20 +46,20 @@ pub(crate) enum Shown<'a> {
 }
 
 /// Whether a lamp of glTF, which shines from a point, can stand for it. Others are left to the mesh.
-pub(crate) fn has_lamp(source: &Source) -> bool {
+pub(crate) fn has_lamp(source: &Lamp) -> bool {
     source.light.extent() <= MAX_LAMP_AREA_M2
 }
 
 /// The whole file.
 pub(crate) fn encode(
-    shown: &Shown,
+    shown: &SceneGeometry,
     camera: &Camera,
-    level: Level,
-    lamps: &[Source],
+    level: WorldFrame,
+    lamps: &[Lamp],
     probes: &[ProbeFile],
 ) -> Result<Vec<u8>, ExportError> {
     let mut binary = GlbWriter::default();
-    let levelled = level != Level::CAMERA;
+    let levelled = level != WorldFrame::CAMERA;
     let mut scene_extras = json!({
         "frame": if levelled { LEVEL_FRAME } else { FRAME },
         "units": UNITS,
@@ -88,8 +88,8 @@ pub(crate) fn encode(
         "cameras": [camera_json(camera)],
     });
     let mut extensions = match shown {
-        Shown::Room(mesh) => room(mesh, &mut document, &mut binary),
-        Shown::Points(points) => cloud(points, &mut document, &mut binary),
+        SceneGeometry::Room(mesh) => room(mesh, &mut document, &mut binary),
+        SceneGeometry::Points(points) => cloud(points, &mut document, &mut binary),
     };
     if !lamps.is_empty() {
         extensions.insert(0, "KHR_lights_punctual");
@@ -231,7 +231,7 @@ fn camera_json(camera: &Camera) -> Value {
 }
 
 /// Where a lamp is, and how one that shines along its node's −Z is turned.
-fn lamp_node(index: usize, lamp: &Source) -> Value {
+fn lamp_node(index: usize, lamp: &Lamp) -> Value {
     let mut node = json!({
         "name": format!("Lamp {}", index + 1),
         "extensions": { "KHR_lights_punctual": { "light": index } },
@@ -254,7 +254,7 @@ fn lamp_node(index: usize, lamp: &Source) -> Value {
 
 /// A rectangle as a spot of 180° that fades towards its sides, close to a cosine and of the same power, a sphere as a point, a sun as a directional light,
 /// whose intensity is 683 times its irradiance.
-fn lamp_json(index: usize, lamp: &Source) -> Value {
+fn lamp_json(index: usize, lamp: &Lamp) -> Value {
     let intensity = lamp.intensity();
     let strongest = intensity.into_iter().fold(0.0, f32::max);
     let area_m2 = lamp.light.extent();
@@ -290,15 +290,15 @@ mod tests {
 
     use super::*;
     use crate::test_scene::box_room;
-    use crate::{free_space, room_mesh, sources};
+    use crate::{free_space, lamps, room_mesh};
 
     fn room() -> Gltf {
         let scene = box_room();
         let leaves = free_space::leaves(&scene.light, None);
-        let lamps = sources::sources(&leaves);
-        let mesh = room_mesh::from_leaves(&leaves, &sources::kept(&leaves, &[]), &scene.light.cube, 3);
+        let lamps = lamps::find_lamps(&leaves);
+        let mesh = room_mesh::from_leaves(&leaves, &lamps::face_emission(&leaves, &[]), &scene.light.cube, 3);
         // `from_slice` validates indices, accessors and required fields.
-        let bytes = encode(&Shown::Room(&mesh), &scene.frame.camera, Level::CAMERA, &lamps, &[]).unwrap();
+        let bytes = encode(&SceneGeometry::Room(&mesh), &scene.frame.camera, WorldFrame::CAMERA, &lamps, &[]).unwrap();
         Gltf::from_slice(&bytes).unwrap()
     }
 

@@ -12,7 +12,6 @@
 //! The same scene gives the same bytes.
 
 mod atlas;
-mod beside;
 mod content;
 mod error;
 mod faces;
@@ -20,7 +19,7 @@ mod format;
 mod free_space;
 mod glb;
 mod header;
-mod level;
+mod lamps;
 mod lit_side;
 mod photo_mesh;
 mod ply;
@@ -28,10 +27,11 @@ mod points;
 mod probe;
 mod restored;
 mod room_mesh;
-mod sources;
+mod sibling_file;
 #[cfg(test)]
 mod test_scene;
 mod usda;
+mod world_frame;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -45,9 +45,9 @@ pub use faces::RoomFaces;
 pub use format::Format;
 pub use probe::LightProbe;
 
-use beside::Beside;
-use level::Level;
 use probe::ProbeFile;
+use sibling_file::SiblingFile;
+use world_frame::WorldFrame;
 
 /// How to write a scene.
 #[derive(Clone, Copy, Debug)]
@@ -100,23 +100,23 @@ pub fn write(scene: &LitScene, options: &Options, path: &Path) -> Result<Report,
             return Err(ExportError::NotFinite { content, index, value });
         }
     }
-    let level = if options.level { Level::of(scene.room.as_ref())? } else { Level::CAMERA };
+    let level = if options.level { WorldFrame::of(scene.room.as_ref())? } else { WorldFrame::CAMERA };
     let probe = |(index, probe): (usize, &LightProbe)| ProbeFile::beside(path, index, format, *probe, level);
     let probes: Vec<ProbeFile> = options.probes.iter().enumerate().map(probe).collect::<Result<_, _>>()?;
     let mut lamps = match format {
         Format::Ply => Vec::new(),
         Format::Glb | Format::Usda => {
             let places = lit_side::places(&scene.frame);
-            sources::sources(&lit_side::lit_sides(&scene.light, &leaves, sources::WHITE, &places))
+            lamps::find_lamps(&lit_side::lit_sides(&scene.light, &leaves, lamps::WHITE, &places))
         }
     };
     if format == Format::Glb {
         lamps.retain(glb::has_lamp);
     }
-    let kept = sources::kept(&leaves, &lamps);
+    let kept = lamps::face_emission(&leaves, &lamps);
     // What somebody added has no leaves: the lamp is all of it.
     if let Some(edited) = scene.edited.as_ref().filter(|_| format != Format::Ply) {
-        lamps.extend(sources::beside(&edited.lights));
+        lamps.extend(lamps::added_lamps(&edited.lights));
     }
     let room = (content == Content::Leaves && format != Format::Ply)
         .then(|| room_mesh::from_leaves(&leaves, &kept, &scene.light.cube, scene.light.octree.depth()));
@@ -138,16 +138,18 @@ pub fn write(scene: &LitScene, options: &Options, path: &Path) -> Result<Report,
             ply::encode(&points, frame, &probes, panorama.is_some())
         }
         Format::Glb => {
-            let shown = room.as_ref().map_or(glb::Shown::Points(&points), glb::Shown::Room);
+            let shown = room.as_ref().map_or(glb::SceneGeometry::Points(&points), glb::SceneGeometry::Room);
             glb::encode(&shown, camera, level, &lamps, &probes)?
         }
         Format::Usda => match room {
             Some(room) => {
                 let restored = restored::of_scene(scene, &leaves, &kept);
-                let encode = |shown: &usda::Shown| usda::encode(shown, camera, level, &lamps, &probes);
+                let encode = |shown: &usda::SceneGeometry| usda::encode(shown, camera, level, &lamps, &probes);
                 usda_room(scene, room, restored, path, encode, &mut report)?
             }
-            None => usda::encode(&usda::Shown::Points(&points, panorama.is_some()), camera, level, &lamps, &probes),
+            None => {
+                usda::encode(&usda::SceneGeometry::Points(&points, panorama.is_some()), camera, level, &lamps, &probes)
+            }
         }
         .into_bytes(),
     };
@@ -167,7 +169,7 @@ fn usda_room(
     mut room: room_mesh::RoomMesh,
     restored: Option<RadianceImage>,
     path: &Path,
-    encode: impl Fn(&usda::Shown) -> String,
+    encode: impl Fn(&usda::SceneGeometry) -> String,
     report: &mut Report,
 ) -> Result<String, ExportError> {
     let frame = &scene.frame;
@@ -177,7 +179,7 @@ fn usda_room(
 
     let options = ExrOptions { generator: header::SOFTWARE.to_owned(), half: true, ..ExrOptions::default() };
     let mut texture = |ending: &str, radiance: &RadianceImage| -> Result<usda::Texture, ExportError> {
-        let file = Beside::new(path, ending)?;
+        let file = SiblingFile::new(path, ending)?;
         lo_imaging::write_radiance(&file.path, radiance, &options)?;
         report.files.push(file.path);
         Ok(usda::Texture { file: file.name, space: "raw" })
@@ -187,7 +189,7 @@ fn usda_room(
     let room_texture = texture("room.exr", &of_room)?;
     let seen = restored.map(|radiance| texture("seen.exr", &radiance)).transpose()?;
     let photo_texture = if matches!(frame.photo, Photo::Srgb8(_)) && frame.exposure == 1.0 {
-        let file = Beside::new(path, "photo.png")?;
+        let file = SiblingFile::new(path, "photo.png")?;
         lo_imaging::write_photo(&file.path, &frame.photo, header::SOFTWARE)?;
         report.files.push(file.path);
         usda::Texture { file: file.name, space: "sRGB" }
@@ -202,7 +204,7 @@ fn usda_room(
         seen_texture: seen.as_ref().unwrap_or(&photo_texture),
         beyond_m: 2.0 * scene.light.cube.edge_m,
     };
-    Ok(encode(&usda::Shown::Room(meshes)))
+    Ok(encode(&usda::SceneGeometry::Room(meshes)))
 }
 
 #[cfg(test)]

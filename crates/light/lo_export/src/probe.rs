@@ -5,9 +5,9 @@ use std::path::Path;
 use lo_geometry::{Orientation, Vec3};
 use lo_imaging::{EnvironmentLayout, ExrOptions, RadianceImage};
 
-use crate::beside::Beside;
 use crate::header::{GENERATOR, SOFTWARE, UNITS};
-use crate::level::Level;
+use crate::sibling_file::SiblingFile;
+use crate::world_frame::WorldFrame;
 use crate::{ExportError, Format};
 
 /// The light that arrives at one point of the scene.
@@ -23,7 +23,7 @@ pub struct LightProbe<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProbeFile {
     /// Where it is written.
-    pub file: Beside,
+    pub file: SiblingFile,
     /// Where it was taken, in metres of the camera's frame.
     pub position_m: Vec3,
     /// How the panorama lies, in words.
@@ -43,7 +43,7 @@ impl ProbeFile {
         index: usize,
         format: Format,
         probe: LightProbe,
-        level: Level,
+        level: WorldFrame,
     ) -> Result<Self, ExportError> {
         let (width, height) = (probe.radiance.width(), probe.radiance.height());
         if height == 0 || width != 2 * height {
@@ -56,7 +56,7 @@ impl ProbeFile {
             Format::Glb => (Orientation::Threejs, "equirectangular, centre +X, +Y up (three.js)"),
             Format::Ply | Format::Usda => (Orientation::Openexr, "equirectangular, centre +Z, +Y up (OpenEXR, USD)"),
         };
-        let panorama = if level == Level::CAMERA {
+        let panorama = if level == WorldFrame::CAMERA {
             lo_imaging::reorient(probe.radiance, Orientation::Lightoctree, orientation)
         } else {
             let camera_from_map = (orientation.map_from_world() * level.rotation).transpose();
@@ -66,7 +66,7 @@ impl ProbeFile {
             })
         };
         let ending = if index == 0 { "probe.exr".to_owned() } else { format!("probe{}.exr", index + 1) };
-        Ok(Self { file: Beside::new(scene, &ending)?, position_m: probe.position_m, convention, panorama })
+        Ok(Self { file: SiblingFile::new(scene, &ending)?, position_m: probe.position_m, convention, panorama })
     }
 
     /// Writes the OpenEXR file.
@@ -100,7 +100,7 @@ mod tests {
     fn turned(format: Format) -> ProbeFile {
         let panorama = directions();
         let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
-        ProbeFile::beside(Path::new("folder/my room.x"), 0, format, probe, Level::CAMERA).unwrap()
+        ProbeFile::beside(Path::new("folder/my room.x"), 0, format, probe, WorldFrame::CAMERA).unwrap()
     }
 
     #[test]
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn a_levelled_probe_shows_the_room_where_the_world_has_it() {
         let up = Vec3::new(0.1, 0.9, 0.4).normalize();
-        let level = Level::of(Some(&lo_scene::Room { up, planes: Vec::new() })).unwrap();
+        let level = WorldFrame::of(Some(&lo_scene::Room { up, planes: Vec::new() })).unwrap();
         let panorama = directions();
         let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
         let file = ProbeFile::beside(Path::new("room.usda"), 1, Format::Usda, probe, level).unwrap();
@@ -141,7 +141,7 @@ mod tests {
     fn probes_nowhere_are_refused() {
         let panorama = directions();
         let nowhere = LightProbe { radiance: &panorama, position_m: Vec3::NAN };
-        let error = ProbeFile::beside(Path::new("a.ply"), 0, Format::Ply, nowhere, Level::CAMERA).unwrap_err();
+        let error = ProbeFile::beside(Path::new("a.ply"), 0, Format::Ply, nowhere, WorldFrame::CAMERA).unwrap_err();
         assert!(matches!(error, ExportError::ProbePosition(_)));
     }
 
@@ -150,7 +150,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let panorama = directions();
         let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
-        let file = ProbeFile::beside(&folder.path().join("room.usda"), 0, Format::Usda, probe, Level::CAMERA).unwrap();
+        let file =
+            ProbeFile::beside(&folder.path().join("room.usda"), 0, Format::Usda, probe, WorldFrame::CAMERA).unwrap();
         file.write().unwrap();
         assert_eq!(lo_imaging::read_radiance(&file.file.path).unwrap(), file.panorama);
     }

@@ -6,7 +6,7 @@ use lo_geometry::{Cube, Vec3};
 use lo_scene::Frame;
 
 use crate::free_space::{FACES, Leaf};
-use crate::sources::Kept;
+use crate::lamps::FaceEmission;
 
 /// Quads with radiance.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -25,12 +25,12 @@ pub(crate) struct RoomMesh {
 ///
 /// Faces share corners, and a corner has the mean radiance of its faces: smooth shading between the leaves that keeps the
 /// power of a flat wall.
-pub(crate) fn from_leaves(leaves: &[Leaf], kept: &[Kept], cube: &Cube, depth: u32) -> RoomMesh {
+pub(crate) fn from_leaves(leaves: &[Leaf], kept: &[FaceEmission], cube: &Cube, depth: u32) -> RoomMesh {
     let finest_edge_m = cube.node_edge_m(depth);
     let mut mesh = RoomMesh::default();
     let mut sums: Vec<(Vec3, f32)> = Vec::new();
     let mut vertices: HashMap<[u32; 3], u32> = HashMap::new();
-    for (leaf, kept) in leaves.iter().zip(kept).filter(|(_, kept)| **kept != Kept::Nothing) {
+    for (leaf, kept) in leaves.iter().zip(kept).filter(|(_, kept)| **kept != FaceEmission::Nothing) {
         let radiance = Vec3::from(kept.of(leaf.radiance()));
         for face in leaf.exposed_faces() {
             let quad = corners(leaf.xyz, face).map(|corner| {
@@ -110,12 +110,12 @@ fn corners(xyz: [u32; 3], face: usize) -> [[u32; 3]; 4] {
 mod tests {
     use super::*;
     use crate::test_scene::box_room;
-    use crate::{free_space, sources};
+    use crate::{free_space, lamps};
 
     fn mesh() -> RoomMesh {
         let scene = box_room();
         let leaves = free_space::leaves(&scene.light, None);
-        let kept = sources::kept(&leaves, &[]);
+        let kept = lamps::face_emission(&leaves, &[]);
         from_leaves(&leaves, &kept, &scene.light.cube, 3)
     }
 

@@ -30,7 +30,7 @@ pub(crate) fn box_room() -> LitScene {
     depth_m[(0, 0)] = 0.0;
     let photo = Photo::Srgb8(Image::from_fn(8, 6, |x, y| [(x * 30) as u8, (y * 40) as u8, 128]));
     let camera = Camera::new(5.0, 5.0, 4.5, 2.75, 8, 6).expect("the test's camera is valid");
-    LitScene::as_seen(
+    LitScene::observed_only(
         light_of(&cells, Cube::centred(Vec3::ZERO, 4.0), 3),
         Frame::new(photo, depth_m, camera, 1.0).expect("the test's frame is valid"),
     )

@@ -47,7 +47,7 @@ fn scene() -> LitScene {
     let photo: RadianceImage = Image::from_fn(WIDTH, HEIGHT, |x, y| wall_radiance(seen(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -seen(x, y).z);
     let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).expect("photo and depth have one size");
-    LitScene::as_seen(light, frame)
+    LitScene::observed_only(light, frame)
 }
 
 /// A sphere of 32 × 64 quads, glossy like gold or matte.

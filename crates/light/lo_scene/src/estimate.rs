@@ -2,7 +2,7 @@ use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 
 use crate::derived::Derived;
-use crate::{CameraSource, Completion, ExpectedLight, Frame, LaidPanorama, OtherPhoto, Room};
+use crate::{CameraSource, Completion, ExpectedLight, Frame, OtherPhoto, PanoramaContribution, Room};
 
 /// What is inferred of a room from photos: its radiance, and what was observed of it. Self-contained.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Estimate {
     /// The expected energy of the light around the camera, where a network predicts it.
     pub expected: Option<ExpectedLight>,
     /// A panorama of the room, and what its light contributed.
-    pub panorama: Option<LaidPanorama>,
+    pub panorama: Option<PanoramaContribution>,
     /// Further photos that the light comes from.
     pub other_photos: Vec<OtherPhoto>,
     /// How all this was obtained.
@@ -47,8 +47,8 @@ pub struct EstimateOrigin {
 }
 
 impl Estimate {
-    /// Measured depth with no more light than `light` holds: nothing completed, no sources named.
-    pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
+    /// Creates an estimate with measured depth and no completion or sources; `light` holds observed radiance only.
+    pub fn observed_only(light: LightOctree, frame: Frame) -> Self {
         Self {
             light,
             frame,
@@ -62,12 +62,12 @@ impl Estimate {
         }
     }
 
-    /// Unit vector against gravity, world frame; the camera's up where no room is known.
+    /// Returns the unit vector against gravity, in the world frame; the camera's up if the room is unknown.
     pub fn up(&self) -> Vec3 {
         self.room.as_ref().map_or(Vec3::Y, |room| room.up)
     }
 
-    /// The observed surface: the frame at working resolution without flying pixels. Computed once.
+    /// Returns the observed surface: the frame at working resolution without flying pixels. Computed once.
     pub fn surface(&self) -> &Frame {
         self.derived.surface.get_or_init(|| self.frame.working().without_flying_pixels())
     }

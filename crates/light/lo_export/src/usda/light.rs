@@ -4,14 +4,14 @@ use lo_geometry::Vec3;
 use lo_scene::{AnalyticLight, LightShape};
 
 use super::text::{asset, matrix, triple};
+use crate::lamps::Lamp;
 use crate::probe::ProbeFile;
-use crate::sources::Source;
 
 /// A lamp of its size and power, or a sun.
 ///
 /// Normalised, so that a lamp keeps its power when it is made larger: `intensity` is radiance times area, from which Blender
 /// makes watts, and of a sun its irradiance.
-pub fn lamp(index: usize, lamp: &Source) -> String {
+pub fn lamp(index: usize, lamp: &Lamp) -> String {
     let AnalyticLight { shape, radiance } = lamp.light;
     let strongest = radiance.into_iter().fold(0.0, f32::max);
     // Rectangles and suns shine along their −Z.

@@ -1,21 +1,23 @@
 use lo_geometry::{Quat, Vec2, Vec3};
 use lo_mesh::PreparedModel;
 
-/// Vertices up to this share of the model's height above its lowest one belong to its base.
+/// Height of the base as a share of the model's height: vertices up to it belong to the base.
 const LOW: f32 = 0.02;
 
-/// Spots along the longer side of the base at which one looks for what carries it.
+/// Sample points along the longer side of the base.
 const SPOTS: usize = 9;
 
-/// What a model touches a level surface with: the convex hull of its lowest vertices, as feet carry what is between them.
+/// Contact area of a model on a level surface: the convex hull of its lowest vertices, since feet also support the
+/// part between them.
 #[derive(Clone, Debug)]
 pub struct Base {
-    /// In the model's units, as (x, z) from the middle of the base of its bounding box; counter-clockwise, or one or two points.
+    /// Hull in the model's units, as (x, z) from the centre of the base of its bounding box; counter-clockwise, or
+    /// one or two points.
     hull: Vec<Vec2>,
 }
 
 impl Base {
-    /// That of a model.
+    /// Computes the base of a model.
     pub fn new(model: &PreparedModel) -> Self {
         let bounds = model.bounds();
         let top = bounds.min.y + LOW * bounds.size().y;
@@ -24,7 +26,7 @@ impl Base {
         Self { hull: convex_hull(model.model().positions.iter().filter(|p| p.y <= top).map(offset).collect()) }
     }
 
-    /// Whether a point, as (x, z) in the model's units, lies in the base or no further from it than `margin`.
+    /// Returns whether a point (x, z) in the model's units is in the base or within `margin` of it.
     pub(crate) fn contains(&self, point: Vec2, margin: f32) -> bool {
         let Some((&first, rest)) = self.hull.split_first() else { return false };
         if rest.is_empty() {
@@ -41,7 +43,7 @@ impl Base {
         inside || self.hull.iter().enumerate().map(distance).fold(f32::INFINITY, f32::min) <= margin
     }
 
-    /// Spots spread over the base, as offsets from its middle in metres and the world's axes.
+    /// Returns sample points over the base, as offsets from its centre in metres and the world's axes.
     pub(crate) fn spots(&self, scale: f32, rotation: Quat) -> impl Iterator<Item = Vec3> {
         let low = self.hull.iter().fold(Vec2::INFINITY, |low, &p| low.min(p));
         let high = self.hull.iter().fold(Vec2::NEG_INFINITY, |high, &p| high.max(p));
@@ -60,7 +62,7 @@ impl Base {
     }
 }
 
-/// The convex hull, counter-clockwise (monotone chain, Andrew 1979).
+/// Returns the convex hull, counter-clockwise (monotone chain, Andrew 1979).
 fn convex_hull(mut points: Vec<Vec2>) -> Vec<Vec2> {
     points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     points.dedup();
@@ -120,7 +122,7 @@ mod tests {
         assert_eq!(base.hull.len(), 4);
         assert!(base.contains(Vec2::ZERO, 0.0) && base.contains(Vec2::new(0.99, 0.49), 0.0));
         assert!(!base.contains(Vec2::new(1.1, 0.0), 0.0) && base.contains(Vec2::new(1.1, 0.0), 0.11));
-        // Turned by a quarter and half as large; the rim of the hull is 1 × 0.5 m.
+        // Rotated by a quarter turn and half as large; the rim of the hull is 1 × 0.5 m.
         let spots: Vec<Vec3> = base.spots(0.5, Quat::from_rotation_y(std::f32::consts::FRAC_PI_2)).collect();
         assert!(spots.len() > 30 && spots.iter().all(|s| s.x.abs() < 0.25 && s.z.abs() < 0.5 && s.y == 0.0));
         assert!(spots.iter().any(|s| s.z.abs() > 0.4) && spots.iter().sum::<Vec3>().length() < 1e-3);

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, de};
 use serde_json::Value;
 
 use crate::objects::path::frame_times_s;
-use crate::{Align, Base, Ground, InsertError, Instance, Path, Placement, Spot, Stance};
+use crate::{Align, Anchor, Base, Ground, InsertError, Instance, Path, PathPlacement, Placement};
 
 /// Objects that are inserted together, read from JSON.
 ///
@@ -22,7 +22,7 @@ use crate::{Align, Base, Ground, InsertError, Instance, Path, Placement, Spot, S
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Layout {
-    /// Each with a name of its own.
+    /// The objects; their names are unique.
     objects: Vec<LayoutObject>,
 }
 
@@ -32,56 +32,57 @@ pub struct Layout {
 pub struct LayoutObject {
     /// File of the model: glTF, GLB, OBJ, PLY or STL.
     pub mesh: PathBuf,
-    /// What messages and other objects call it; else its file's name without the extension.
+    /// Name in messages and for other objects; by default the file name without extension.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// Photo position whose surface it rests on, pixel centres at +0.5.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel: Option<[f64; 2]>,
-    /// World position of the middle of its base, in metres.
+    /// World position of the centre of its base, in metres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position_m: Option<[f64; 3]>,
-    /// Keyframes of its way.
+    /// Keyframes of its path.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<PathSource>,
-    /// Name of the object, one before it, that it stands on: at `pixel`, below `position_m`, or in the middle of its top.
+    /// Name of a preceding object that carries it: at `pixel`, below `position_m`, or at the centre of its top.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub on: Option<String>,
-    /// Metres per unit of the model; 1.
+    /// Metres per unit of the model; default 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
     /// Height in metres, instead of a scale.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height_m: Option<f64>,
-    /// Turn about its up, counter-clockwise seen from above, in degrees; 0.
+    /// Rotation about its up, counter-clockwise seen from above, in degrees; default 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub yaw_deg: Option<f64>,
-    /// Which way is up for it; against gravity.
+    /// Alignment of its up; default against gravity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub align: Option<Align>,
-    /// A material for the whole object: a name, or an object of [`MaterialSpec`]'s fields.
+    /// Material of the whole object: a name, or an object of [`MaterialSpec`]'s fields.
     #[serde(deserialize_with = "material", skip_serializing_if = "Option::is_none")]
     pub material: Option<MaterialSpec>,
 }
 
-/// Keyframes, or the file that holds them.
+/// Keyframes, or the file that contains them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum PathSource {
-    /// The file's name.
+    /// Name of the file.
     File(PathBuf),
     /// The keyframes.
     Keyframes(Path),
 }
 
 impl Layout {
-    /// Most objects of a layout.
+    /// Largest number of objects of a layout.
     pub const MAX_OBJECTS: usize = 100;
 
-    /// Checks what is said of each object, and names those that have no name.
+    /// Validates the objects, and names those without a name.
     ///
     /// # Errors
-    /// Where an object has no place or two, two sizes, a size that is none, a name that another one has, or stands on one that does not come before it.
+    /// If an object has no position or several, two sizes or an invalid one, a duplicate name, or a carrier that does
+    /// not precede it.
     pub fn new(mut objects: Vec<LayoutObject>) -> Result<Self, InsertError> {
         if objects.is_empty() || objects.len() > Self::MAX_OBJECTS {
             let found = objects.len();
@@ -107,10 +108,10 @@ impl Layout {
         Ok(Self { objects })
     }
 
-    /// Reads and checks a layout: a list of objects, or an object with such a list as `objects`.
+    /// Parses and validates a layout: a list of objects, or an object with such a list as `objects`.
     ///
     /// # Errors
-    /// Where the text is no such JSON, and those of [`Layout::new`].
+    /// If the JSON is invalid, and all errors of [`Layout::new`].
     pub fn from_json(text: &str) -> Result<Self, InsertError> {
         let wrong = |error: serde_json::Error| InsertError::Layout(error.to_string());
         let list = match serde_json::from_str(text).map_err(wrong)? {
@@ -138,7 +139,7 @@ impl Layout {
         Self::new(list.into_iter().enumerate().map(object).collect::<Result<_, _>>()?)
     }
 
-    /// The layout as JSON, as [`Layout::from_json`] reads it.
+    /// Returns the layout as JSON, as read by [`Layout::from_json`].
     ///
     /// # Errors
     /// Only if a file name is not UTF-8.
@@ -146,10 +147,10 @@ impl Layout {
         serde_json::to_string(self).map_err(|error| InsertError::Layout(error.to_string()))
     }
 
-    /// The same with the keyframes that `read` finds in the files of paths.
+    /// Replaces path files by their keyframes, read with `read`.
     ///
     /// # Errors
-    /// Where a file cannot be read, or holds no keyframes.
+    /// If a file cannot be read, or its keyframes are invalid.
     pub fn with_paths(mut self, mut read: impl FnMut(&FilePath) -> io::Result<String>) -> Result<Self, InsertError> {
         for object in &mut self.objects {
             let Some(PathSource::File(file)) = &object.path else { continue };
@@ -162,20 +163,20 @@ impl Layout {
         Ok(self)
     }
 
-    /// The objects.
+    /// Returns the objects.
     pub fn objects(&self) -> &[LayoutObject] {
         &self.objects
     }
 
-    /// Whether any object moves.
+    /// Returns whether any object moves.
     pub fn moves(&self) -> bool {
         self.objects.iter().any(|object| object.path.is_some())
     }
 
-    /// Times of the first keyframe of all paths and of the last, in seconds; `None` where nothing moves.
+    /// Returns the times of the first and the last keyframe of all paths, in seconds; `None` if nothing moves.
     ///
     /// # Errors
-    /// Where the keyframes of a file were not read ([`Layout::with_paths`]).
+    /// If the keyframes of a file were not read ([`Layout::with_paths`]).
     pub fn span_s(&self) -> Result<Option<[f64; 2]>, InsertError> {
         let mut span_s: Option<[f64; 2]> = None;
         for (i, object) in self.objects.iter().enumerate() {
@@ -188,13 +189,14 @@ impl Layout {
         Ok(span_s)
     }
 
-    /// For each object its placements in `frames` frames, at equal time steps from the first keyframe of all paths to the last.
+    /// Returns the placements of each object in `frames` frames, at equal time steps from the first keyframe of all
+    /// paths to the last.
     ///
-    /// `models`: that of each object.
+    /// `models` has one model per object.
     ///
     /// # Errors
-    /// [`InsertError::Object`] where there is no surface at a pixel, or the carrier is not below; where the keyframes of a file were not read
-    /// ([`Layout::with_paths`]).
+    /// [`InsertError::Object`] if there is no surface at a pixel, or the carrier is not below; an error if the
+    /// keyframes of a file were not read ([`Layout::with_paths`]).
     pub fn placements<'a>(
         &self,
         ground: impl Into<Ground<'a>>,
@@ -205,10 +207,11 @@ impl Layout {
         self.placements_at(ground, models, &times_s)
     }
 
-    /// The same at any times, in seconds; what stands on another object is put there at the first of them.
+    /// Returns the placements of each object at given times, in seconds. An object on a carrier is placed at the
+    /// first time.
     ///
     /// # Errors
-    /// Those of [`Layout::placements`].
+    /// As for [`Layout::placements`].
     pub fn placements_at<'a>(
         &self,
         ground: impl Into<Ground<'a>>,
@@ -230,7 +233,7 @@ impl Layout {
 }
 
 impl LayoutObject {
-    /// Its name in a [`Layout`].
+    /// Returns its name in a [`Layout`].
     pub fn name(&self) -> &str {
         self.name.as_deref().unwrap_or_default()
     }
@@ -278,7 +281,7 @@ impl LayoutObject {
         }
     }
 
-    /// Metres per unit of the model.
+    /// Returns the scale in metres per unit of the model.
     fn scale_of(&self, model: &PreparedModel) -> Result<f32, InsertError> {
         let Some(height_m) = self.height_m else { return Ok(self.scale.unwrap_or(1.0) as f32) };
         let height = model.bounds().size().y;
@@ -289,7 +292,7 @@ impl LayoutObject {
         (self.yaw_deg.unwrap_or(0.0) as f32).to_radians()
     }
 
-    /// On real surfaces or in the air.
+    /// Returns the placements of an object on real surfaces or in the air.
     fn placements(
         &self,
         ground: Ground<'_>,
@@ -298,7 +301,7 @@ impl LayoutObject {
     ) -> Result<Vec<Placement>, InsertError> {
         let (scale, align, base) = (self.scale_of(model)?, self.align.unwrap_or_default(), Base::new(model));
         if let Some(path) = self.keyframes()? {
-            return path.placements_at(ground, &Stance { scale, align, base: Some(&base) }, times_s);
+            return path.placements_at(ground, &PathPlacement { scale, align, base: Some(&base) }, times_s);
         }
         let placed = |placement: Placement| placement.scaled(scale).turned(self.yaw_rad());
         let placement = match (self.position_m, self.pixel) {
@@ -309,7 +312,7 @@ impl LayoutObject {
         Ok(vec![placement; times_s.len()])
     }
 
-    /// On another object, with which it moves.
+    /// Returns the placements of an object that moves with its carrier.
     fn carried(
         &self,
         scene: &Estimate,
@@ -319,9 +322,9 @@ impl LayoutObject {
     ) -> Result<Vec<Placement>, InsertError> {
         let Some(&first) = places.first() else { return Ok(Vec::new()) };
         let spot = match (self.position_m, self.pixel) {
-            (Some(position_m), _) => Spot::Below(point(position_m)),
-            (None, Some([u, v])) => Spot::Pixel(u, v),
-            (None, None) => Spot::Middle,
+            (Some(position_m), _) => Anchor::Below(point(position_m)),
+            (None, Some([u, v])) => Anchor::Pixel(u, v),
+            (None, None) => Anchor::Middle,
         };
         let placed = first.scaled(self.scale_of(model)?).turned(self.yaw_rad()).on_object(
             &Instance::new(carrier, first),
@@ -334,7 +337,7 @@ impl LayoutObject {
 }
 
 impl<'de> Deserialize<'de> for PathSource {
-    /// A file's name, or the keyframes themselves.
+    /// Reads a file name or keyframes.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         match Value::deserialize(deserializer)? {
             Value::String(file) => Ok(Self::File(file.into())),
@@ -348,7 +351,7 @@ impl<'de> Deserialize<'de> for PathSource {
     }
 }
 
-/// A material's name, or its fields.
+/// Reads a material's name or its fields.
 fn material<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<MaterialSpec>, D::Error> {
     let text = match Value::deserialize(deserializer)? {
         Value::Null => return Ok(None),
@@ -362,7 +365,7 @@ fn point(position_m: [f64; 3]) -> Vec3 {
     Vec3::from_array(position_m.map(|x| x as f32))
 }
 
-/// `vase` for `meshes/vase.obj`, or `vase 2` where that is taken.
+/// Returns `vase` for `meshes/vase.obj`, or `vase 2` if that is taken.
 fn free_name(mesh: &FilePath, taken: &HashSet<String>) -> String {
     let stem = mesh.file_stem().map_or_else(|| "object".into(), |stem| stem.to_string_lossy().into_owned());
     let numbered = (2..).map(|number| format!("{stem} {number}"));

@@ -1,26 +1,26 @@
-//! Light that neighbouring pixels share.
+//! Light shared by neighbouring pixels.
 //!
-//! Light is gathered at one fragment of each surface in each block of pixels, on the photo's own grid, and interpolated between
-//! these sources, only along one surface (as in irradiance caching, Ward 1988, on a fixed grid).
+//! Light is gathered at one fragment of each surface in each block of pixels, on the photo's own grid. It is
+//! interpolated between these sources, only along one surface (irradiance caching, Ward 1988, on a fixed grid).
 
 use lo_geometry::Vec3;
 
 use crate::light::gather::Gathered;
-use crate::shade::look::Look;
+use crate::shade::fragment_material::FragmentMaterial;
 use crate::shade::visibility::Fragment;
 
 const NONE: u32 = u32::MAX;
 
-/// Sources of light, by blocks of pixels.
+/// Source fragments by blocks of pixels.
 pub(crate) struct Blocks {
-    /// Side of a block in pixels; 1: every fragment is a source of its own.
+    /// Side of a block in pixels; with 1, every fragment is a source.
     stride: usize,
     /// Fragments at which light is gathered.
     pub sources: Vec<usize>,
     first_block: (usize, usize),
     columns: usize,
     rows: usize,
-    /// For each block the last of its sources, and for each source the one before it in its block.
+    /// For each block its last source, and for each source the previous one in its block.
     last: Vec<u32>,
     before: Vec<u32>,
 }
@@ -35,7 +35,7 @@ pub(crate) struct Light {
 }
 
 impl Blocks {
-    pub fn new(fragments: &[Fragment], looks: &[Look], stride: usize) -> Self {
+    pub fn new(fragments: &[Fragment], materials: &[FragmentMaterial], stride: usize) -> Self {
         let block = |f: &Fragment| (f.pixel.0 / stride, f.pixel.1 / stride);
         if stride == 1 || fragments.is_empty() {
             let sources = (0..fragments.len()).collect();
@@ -54,7 +54,7 @@ impl Blocks {
             let index = (row - low.1) * columns + column - low.0;
             let found = blocks.chain(blocks.last[index]).any(|slot| {
                 let source = blocks.sources[slot];
-                looks[source].is_like(&looks[i]) && blocks.on_same_surface(&fragments[source], fragment)
+                materials[source].is_like(&materials[i]) && blocks.on_same_surface(&fragments[source], fragment)
             });
             if !found {
                 blocks.before.push(blocks.last[index]);
@@ -65,12 +65,13 @@ impl Blocks {
         blocks
     }
 
-    /// Light at fragment `index`, from what was gathered at the sources and reflected at each fragment that asked for it.
+    /// Returns the light at fragment `index`, from the light gathered at the sources and the reflections of fragments
+    /// with their own.
     pub fn light_of(
         &self,
         index: usize,
         fragments: &[Fragment],
-        looks: &[Look],
+        materials: &[FragmentMaterial],
         gathered: &[Gathered],
         reflected: &[Vec3],
     ) -> Light {
@@ -78,7 +79,7 @@ impl Blocks {
             let own = &gathered[index];
             return Light { irradiance: own.irradiance, highlights: own.highlights, reflected: reflected[index] };
         }
-        if !looks[index].gathers() && !looks[index].shares_reflection {
+        if !materials[index].gathers() && !materials[index].shares_reflection {
             return Light { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: reflected[index] };
         }
         let fragment = &fragments[index];
@@ -100,7 +101,7 @@ impl Blocks {
                     }
                     let alike = source == index
                         || (!other.point.unlit
-                            && looks[source].is_like(&looks[index])
+                            && materials[source].is_like(&materials[index])
                             && self.on_same_surface(other, fragment));
                     if !alike {
                         continue;
@@ -116,7 +117,7 @@ impl Blocks {
         }
         // The block's own source is less than a block away, so there is always one.
         let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
-        let shared = looks[index].shares_reflection;
+        let shared = materials[index].shares_reflection;
         Light {
             irradiance: sum.irradiance * scale,
             highlights: sum.highlights * scale,
@@ -129,7 +130,8 @@ impl Blocks {
         std::iter::successors(slot(last), move |&at| slot(self.before[at]))
     }
 
-    /// Whether two fragments of neighbouring pixels get about the same light; larger blocks bridge more.
+    /// Returns whether two fragments of neighbouring pixels receive about equal light; larger blocks allow larger
+    /// distances.
     fn on_same_surface(&self, a: &Fragment, b: &Fragment) -> bool {
         let (near, far) = (a.point.position.z.abs(), b.point.position.z.abs());
         let least_cosine = if self.stride > 2 { 0.7 } else { 0.85 };

@@ -50,7 +50,7 @@ fn new_scene() -> LitScene {
     let seen = |x: usize, y: usize| wall(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5));
     let photo = Photo::Linear(Image::from_fn(WIDTH, HEIGHT, |x, y| radiance(seen(x, y))));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -seen(x, y).z);
-    LitScene::as_seen(light, Frame::new(photo, depth_m, camera, 1.0).unwrap())
+    LitScene::observed_only(light, Frame::new(photo, depth_m, camera, 1.0).unwrap())
 }
 
 fn with(shape: LightShape, radiance: f32) -> LitScene {

@@ -8,15 +8,15 @@ use lo_events::{Event, Stage, Warning};
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{
-    Align, Base, Composite, Ground, InsertError, Inserter, Instance, Lighting, Path, Placement, Quality, SeenSurfaces,
-    Stance,
+    Align, Base, Composite, Ground, InsertError, Inserter, Instance, Lighting, ObservedSurfaces, Path, PathPlacement,
+    Placement, Quality,
 };
 use lo_mesh::{AlphaMode, Material, PreparedModel};
 use lo_scene::{LitScene, Room, RoomPlane, Side};
 use proptest::prelude::*;
 
-fn stance(scale: f32) -> Stance<'static> {
-    Stance { scale, ..Stance::default() }
+fn stance(scale: f32) -> PathPlacement<'static> {
+    PathPlacement { scale, ..PathPlacement::default() }
 }
 
 #[test]
@@ -628,7 +628,7 @@ fn objects_stand_upright_on_the_patch_below_them_however_noisy_its_depth() {
         let pixel = Placement::rest_on_pixel(&scene, u, v, Align::Gravity).unwrap().turned(0.4);
         let settled = pixel.settled(&scene, &base);
         // Surfaces that are held say the same.
-        let surfaces = SeenSurfaces::new(&scene);
+        let surfaces = ObservedSurfaces::new(&scene);
         let ground = Ground::new(&scene, &surfaces);
         assert_eq!(Placement::rest_on_pixel(ground, u, v, Align::Gravity).unwrap().turned(0.4), pixel);
         assert_eq!(pixel.settled(ground, &base), settled);
@@ -696,7 +696,7 @@ fn paths_pass_their_keyframes() {
     let straight = r#"{"interpolation": "catmull-rom", "keyframes": [{"time_s": 0, "position_m": [0, 0, -1]},
         {"time_s": 1, "position_m": [0, 0, -2]}, {"time_s": 2, "position_m": [0, 0, -3]}]}"#;
     for (i, placement) in
-        Path::from_json(straight).unwrap().placements(&scene, &Stance::default(), 9).unwrap().iter().enumerate()
+        Path::from_json(straight).unwrap().placements(&scene, &PathPlacement::default(), 9).unwrap().iter().enumerate()
     {
         assert!((placement.position_m.z + 1.0 + 0.25 * i as f32).abs() < 1e-5);
     }
@@ -710,5 +710,5 @@ fn paths_pass_their_keyframes() {
         let error = Path::from_json(bad).unwrap_err().to_string();
         assert!(error.contains(word), "{bad}: {error}");
     }
-    assert!(Path::from_json(straight).unwrap().placements(&scene, &Stance::default(), 0).unwrap().is_empty());
+    assert!(Path::from_json(straight).unwrap().placements(&scene, &PathPlacement::default(), 0).unwrap().is_empty());
 }

@@ -32,7 +32,7 @@ fn scene() -> LitScene {
     // Leaves of 8 cm
     let cube = Cube::centred(Vec3::new(0.0, 0.0, -1.5), 5.1);
     let light = LightOctree::from_points(&points.collect::<Vec<_>>(), cube, 6, 4).unwrap().0;
-    LitScene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
+    LitScene::observed_only(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
 }
 
 /// Places along a pixel's sides at which the truth is taken.

@@ -61,7 +61,7 @@ fn scene_of(solution: &Solution, depth: u32, width: u32, height: u32) -> LitScen
     let depth_m = hits.iter().map(|hit| -hit.position[2] as f32).collect();
     let frame =
         Frame::new(Photo::Linear(RadianceImage::new(w, h, photo)), Image::new(w, h, depth_m), camera, 1.0).unwrap();
-    LitScene::as_seen(light, frame)
+    LitScene::observed_only(light, frame)
 }
 
 fn pixel_direction(camera: &Camera, x: usize, y: usize) -> V {

@@ -53,7 +53,7 @@ pub fn room(
     let radiance = Image::from_fn(WIDTH, HEIGHT, |x, y| seen(point(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -point(x, y).z);
     let frame = Frame::new(photo(radiance), depth_m, camera, 1.0).unwrap();
-    LitScene::as_seen(light, frame)
+    LitScene::observed_only(light, frame)
 }
 
 pub fn linear_scene() -> LitScene {

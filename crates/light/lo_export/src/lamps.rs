@@ -24,7 +24,7 @@ const CLUSTER_SHARE: f32 = 0.25;
 
 /// What the faces of a leaf keep of its radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kept {
+pub(crate) enum FaceEmission {
     /// Everything.
     All,
     /// What the photo's white allows; a lamp has the rest.
@@ -33,7 +33,7 @@ pub(crate) enum Kept {
     Nothing,
 }
 
-impl Kept {
+impl FaceEmission {
     /// The kept part of linear RGB radiance, of the same colour.
     pub fn of(self, radiance: [f32; 3]) -> [f32; 3] {
         let share = match self {
@@ -47,14 +47,14 @@ impl Kept {
 
 /// A lamp: a cluster of bright leaves, taken as one emitter, or a light that somebody added.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Source {
+pub(crate) struct Lamp {
     /// Its surface: of a cluster's rectangle half a leaf in front of the leaves'. Its radiance: what the faces do not keep.
     pub light: AnalyticLight,
     /// Indices of its leaves.
     pub leaves: Vec<usize>,
 }
 
-impl Source {
+impl Lamp {
     /// Power of the Lambertian emitter, `π · L · A` for each channel, in radiance units · m² · sr.
     pub fn power(&self) -> [f32; 3] {
         self.light.radiance.map(|c| c * self.light.extent() * std::f32::consts::PI)
@@ -70,16 +70,16 @@ impl Source {
     }
 
     /// What the faces of its leaves keep.
-    pub fn kept(&self) -> Kept {
+    pub fn kept(&self) -> FaceEmission {
         match self.light.shape {
-            LightShape::Sphere { .. } => Kept::Nothing,
-            LightShape::Rectangle { .. } | LightShape::Sun { .. } => Kept::UpToWhite,
+            LightShape::Sphere { .. } => FaceEmission::Nothing,
+            LightShape::Rectangle { .. } | LightShape::Sun { .. } => FaceEmission::UpToWhite,
         }
     }
 }
 
 /// Lights that no leaves hold, each side of a rectangle by itself.
-pub(crate) fn beside(lights: &[AnalyticLight]) -> Vec<Source> {
+pub(crate) fn added_lamps(lights: &[AnalyticLight]) -> Vec<Lamp> {
     let sides = lights.iter().flat_map(|light| match light.shape {
         LightShape::Rectangle { centre_m, direction, across, size_m, two_sided: true } => {
             let side = |direction| AnalyticLight {
@@ -90,12 +90,12 @@ pub(crate) fn beside(lights: &[AnalyticLight]) -> Vec<Source> {
         }
         _ => vec![*light],
     });
-    sides.map(|light| Source { light, leaves: Vec::new() }).collect()
+    sides.map(|light| Lamp { light, leaves: Vec::new() }).collect()
 }
 
 /// What the faces of each leaf keep where these lamps shine.
-pub(crate) fn kept(leaves: &[Leaf], lamps: &[Source]) -> Vec<Kept> {
-    let mut kept = vec![Kept::All; leaves.len()];
+pub(crate) fn face_emission(leaves: &[Leaf], lamps: &[Lamp]) -> Vec<FaceEmission> {
+    let mut kept = vec![FaceEmission::All; leaves.len()];
     for lamp in lamps {
         lamp.leaves.iter().for_each(|&leaf| kept[leaf] = lamp.kept());
     }
@@ -107,7 +107,7 @@ pub(crate) fn kept(leaves: &[Leaf], lamps: &[Source]) -> Vec<Kept> {
 ///
 /// An emitter begins at a leaf above the photo's white, and takes in its neighbours above white down to a quarter of its
 /// luminance.
-pub(crate) fn sources(leaves: &[Leaf]) -> Vec<Source> {
+pub(crate) fn find_lamps(leaves: &[Leaf]) -> Vec<Lamp> {
     let bright = |&i: &usize| leaves[i].exposed != 0 && leaves[i].luminance() > WHITE;
     let mut seeds: Vec<usize> = (0..leaves.len()).filter(bright).collect();
     let mut open: HashMap<(u32, [u32; 3]), usize> =
@@ -132,13 +132,13 @@ pub(crate) fn sources(leaves: &[Leaf]) -> Vec<Source> {
         }
         sources.extend(source(leaves, cluster));
     }
-    sources.sort_by_key(|source: &Source| Reverse(ordered(source.power().iter().sum())));
+    sources.sort_by_key(|source: &Lamp| Reverse(ordered(source.power().iter().sum())));
     sources.truncate(MAX_SOURCES);
     sources
 }
 
 /// One cluster as a lamp; `None` for one that is neither flat nor convex.
-fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Source> {
+fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Lamp> {
     let surface = |leaf: &Leaf| LeafSurface {
         centre_m: leaf.centre_m,
         edge_m: leaf.edge_m,
@@ -157,7 +157,7 @@ fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Source> {
         ClusterShape::Ball { radius_m } => LightShape::Sphere { centre_m, radius_m },
         ClusterShape::Concave => return None,
     };
-    let mut source = Source { light: AnalyticLight { shape, radiance: [0.0; 3] }, leaves: Vec::new() };
+    let mut source = Lamp { light: AnalyticLight { shape, radiance: [0.0; 3] }, leaves: Vec::new() };
     let kept = source.kept();
     let given =
         |leaf: &Leaf| (Vec3::from(leaf.radiance()) - Vec3::from(kept.of(leaf.radiance()))) * leaf.surface_area_m2();
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_ceiling_panel_is_one_flat_lamp() {
-        let lamps = sources(&free_space::leaves(&box_room().light, None));
+        let lamps = find_lamps(&free_space::leaves(&box_room().light, None));
         assert_eq!(lamps.len(), 1);
         let lamp = &lamps[0];
         assert_eq!(lamp.leaves.len(), 4);
@@ -212,15 +212,15 @@ mod tests {
     #[test]
     fn a_lamp_and_its_faces_give_the_emitter() {
         let leaves = free_space::leaves(&box_room().light, None);
-        let lamps = sources(&leaves);
-        let kept = kept(&leaves, &lamps);
+        let lamps = find_lamps(&leaves);
+        let kept = face_emission(&leaves, &lamps);
         let lamp = Vec3::from(lamps[0].light.radiance);
         for (leaf, kept) in leaves.iter().zip(&kept) {
             let faces = Vec3::from(kept.of(leaf.radiance()));
-            let whole = if *kept == Kept::All { faces } else { faces + lamp };
+            let whole = if *kept == FaceEmission::All { faces } else { faces + lamp };
             assert!((whole - Vec3::from(leaf.radiance())).length() < 1e-5);
         }
-        assert_eq!(kept.iter().filter(|kept| **kept == Kept::UpToWhite).count(), 4);
+        assert_eq!(kept.iter().filter(|kept| **kept == FaceEmission::UpToWhite).count(), 4);
     }
 
     #[test]
@@ -230,7 +230,7 @@ mod tests {
         let cells: Vec<_> = (0..12).map(|i| ([0, 3 + i % 2, 1 + i / 2], [5.0, 5.0, 5.0, 1.0])).collect();
         let mut leaves = free_space::leaves(&light_of(&cells, cube, 3), None);
         leaves.iter_mut().for_each(|leaf| leaf.exposed = 0b10);
-        let LightShape::Rectangle { direction, across, size_m, .. } = sources(&leaves)[0].light.shape else {
+        let LightShape::Rectangle { direction, across, size_m, .. } = find_lamps(&leaves)[0].light.shape else {
             panic!("no panel")
         };
         assert_eq!(direction, Vec3::X);
@@ -246,7 +246,7 @@ mod tests {
             .map(|xyz| (xyz, [3.0, 3.0, 3.0, 1.0]))
             .collect();
         let light = light_of(&cells, Cube::centred(Vec3::ZERO, 4.0), 3);
-        assert!(sources(&free_space::leaves(&light, None)).is_empty());
+        assert!(find_lamps(&free_space::leaves(&light, None)).is_empty());
     }
 
     #[test]
@@ -258,7 +258,7 @@ mod tests {
             .map(|xyz| (xyz, [3.0, 3.0, 3.0, 1.0]))
             .collect();
         let cube = Cube { origin_m: Vec3::new(-2.0, -2.0, -3.5), edge_m: 4.0 };
-        let lamps = sources(&free_space::leaves(&light_of(&cells, cube, 6), None));
+        let lamps = find_lamps(&free_space::leaves(&light_of(&cells, cube, 6), None));
         assert_eq!(lamps.len(), 1);
         let lamp = &lamps[0];
         let area_m2 = 4.0 * std::f32::consts::PI * 0.64;
@@ -284,11 +284,11 @@ mod tests {
             ([5, 7, 5], grey(6.0)),
             ([3, 0, 3], grey(0.9)),
         ];
-        let lamps = sources(&free_space::leaves(&light_of(&cells, cube, 3), None));
+        let lamps = find_lamps(&free_space::leaves(&light_of(&cells, cube, 3), None));
         let levels: Vec<f32> = lamps.iter().map(|lamp| lamp.light.radiance[0]).collect();
         // The panels' faces keep 1; the leaf of 6 shines all around and keeps nothing.
         assert_eq!(levels, [19.0, 6.0, 1.0]);
         assert_eq!(lamps.iter().map(|lamp| lamp.leaves.len()).collect::<Vec<_>>(), [1, 1, 2]);
-        assert!(sources(&[]).is_empty());
+        assert!(find_lamps(&[]).is_empty());
     }
 }

@@ -3,41 +3,41 @@ use lo_imaging::{Image, RadianceImage};
 
 use crate::{Frame, Surfel};
 
-/// A photo as completion looks at it: without flying pixels, with its surfaces' normals.
+/// A photo prepared for completion: without flying pixels, and with surface normals.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SeenPhoto {
-    /// Without [flying pixels](Frame::without_flying_pixels).
+pub struct ObservedPhoto {
+    /// The frame without [flying pixels](Frame::without_flying_pixels).
     pub clean: Frame,
-    /// Of each depth pixel, in the camera's axes; see [`Frame::normals`].
+    /// Normal at each depth pixel, in the camera's axes; see [`Frame::normals`].
     pub normals: Image<Option<Vec3>>,
-    /// Light of each photo pixel.
+    /// Linear radiance of each photo pixel.
     pub radiance: RadianceImage,
-    /// Where the camera stands in the axes of the first photo's camera.
+    /// Transform from this camera's axes to those of the first photo's camera.
     pub first_from_camera: RigidTransform,
 }
 
-impl SeenPhoto {
-    /// Of a frame, best at the [working resolution](Frame::working).
+impl ObservedPhoto {
+    /// Prepares a frame, preferably at the [working resolution](Frame::working).
     pub fn new(frame: &Frame, first_from_camera: RigidTransform) -> Self {
         let clean = frame.without_flying_pixels();
         let (normals, radiance) = (clean.normals(), clean.radiance());
         Self { clean, normals, radiance, first_from_camera }
     }
 
-    /// Takes these normals for the surfaces', where there are any, in the camera's axes.
+    /// Replaces fitted normals by the given ones, where there are any. They are in the camera's axes.
     ///
     /// # Panics
-    /// Where they are not of the depth map's size.
-    pub fn believe(&mut self, told: &Image<Option<Vec3>>) {
+    /// If `told` does not have the depth map's size.
+    pub fn override_normals(&mut self, told: &Image<Option<Vec3>>) {
         let size = (self.normals.width(), self.normals.height());
-        assert_eq!((told.width(), told.height()), size, "one normal for each depth pixel");
+        assert_eq!((told.width(), told.height()), size, "one normal per depth pixel");
         self.normals.pixels_mut().iter_mut().zip(told.pixels()).for_each(|(fitted, told)| *fitted = told.or(*fitted));
     }
 
-    /// One for each reading, in the axes of the first photo's camera.
+    /// Returns one surfel per reading, in the axes of the first photo's camera.
     pub fn surfels(&self) -> Vec<Surfel> {
         let mut surfels = self.clean.surfels_with_normals(&self.normals, &self.radiance);
-        // The first photo's stay as they are, to the bit.
+        // Keep the first photo's surfels bit-identical.
         if self.first_from_camera != RigidTransform::IDENTITY {
             surfels.iter_mut().for_each(|surfel| *surfel = surfel.moved(&self.first_from_camera));
         }

@@ -7,14 +7,14 @@ use crate::ExportError;
 
 /// World from camera: a rotation, then a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Level {
+pub(crate) struct WorldFrame {
     /// Rotation.
     pub rotation: Mat3,
     /// Place of the camera in metres.
     pub camera_m: Vec3,
 }
 
-impl Level {
+impl WorldFrame {
     /// The frame of the photo's camera, as scenes have it.
     pub const CAMERA: Self = Self { rotation: Mat3::IDENTITY, camera_m: Vec3::ZERO };
 
@@ -49,7 +49,7 @@ mod tests {
             let up = Vec3::new(x, y, z).normalize();
             let plane = Plane { normal: up, offset_m: -1.4 };
             let room = Room { up, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
-            let level = Level::of(Some(&room)).unwrap();
+            let level = WorldFrame::of(Some(&room)).unwrap();
             let world = |p: Vec3| level.rotation * p + level.camera_m;
             assert!((level.rotation * up - Vec3::Y).length() < 1e-6);
             assert!((level.rotation.determinant() - 1.0).abs() < 1e-5);
@@ -57,6 +57,6 @@ mod tests {
             let ahead = level.rotation * Vec3::NEG_Z;
             assert!(ahead.x.abs() < 1e-6 && ahead.z < 1e-6, "{ahead}");
         }
-        assert!(matches!(Level::of(None), Err(ExportError::NoGravity)));
+        assert!(matches!(WorldFrame::of(None), Err(ExportError::NoGravity)));
     }
 }

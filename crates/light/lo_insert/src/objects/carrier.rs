@@ -3,30 +3,39 @@ use lo_geometry::{Camera, Plane, Ray, Vec3};
 use crate::objects::object::Object;
 use crate::{Base, InsertError, Instance, Placement};
 
-/// A surface of the carrier that faces up by less than this (cosine) is a side: what is put there stands on top of it.
+/// Smallest cosine to the carrier's up of a surface that supports objects; objects on steeper ones are placed on top
+/// of the carrier.
 const SIDE: f32 = 0.7;
 
-/// How far above the place that is seen an object is dropped, as a share of its carrier's radius.
+/// Height above the visible point from which an object is dropped, as a share of its carrier's radius.
 const DROP: f32 = 0.02;
 
-/// Where on another object one is put.
+/// Position on a carrier at which an object is placed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Spot {
-    /// In the middle of its top.
+pub enum Anchor {
+    /// The centre of its top.
     Middle,
-    /// Straight below a world point in metres, along the carrier's up.
+    /// The point straight below a world point in metres, along the carrier's up.
     Below(Vec3),
-    /// Where the ray through photo position (u, v), pixel centres at +0.5, meets it.
+    /// The point where the ray through photo position (u, v), pixel centres at +0.5, meets it.
     Pixel(f64, f64),
 }
 
 impl Placement {
-    /// Standing on another object: dropped along the carrier's up until its base touches. What supports the carrier supports it too: the octree does
-    /// not know the carrier, and what is low on a real surface is near that.
+    /// Places the object on another one: drops it along the carrier's up until its base touches.
+    ///
+    /// The carrier's support becomes its support, because the octree does not contain the carrier: points low on the
+    /// object are near a real surface.
     ///
     /// # Errors
-    /// Where the carrier's model has no extent, or nothing of it is there.
-    pub fn on_object(self, carrier: &Instance, spot: Spot, base: &Base, camera: &Camera) -> Result<Self, InsertError> {
+    /// If the carrier's model has no extent, or the object would miss it.
+    pub fn on_object(
+        self,
+        carrier: &Instance,
+        spot: Anchor,
+        base: &Base,
+        camera: &Camera,
+    ) -> Result<Self, InsertError> {
         let object = Object::new(carrier)?;
         let up = carrier.placement.up;
         let above_all = |point: Vec3| {
@@ -34,16 +43,16 @@ impl Placement {
             point - up * top.signed_distance_m(point)
         };
         let from_m = match spot {
-            Spot::Middle => above_all(object.centre_m),
-            Spot::Below(point) => point,
-            Spot::Pixel(u, v) => {
+            Anchor::Middle => above_all(object.centre_m),
+            Anchor::Below(point) => point,
+            Anchor::Pixel(u, v) => {
                 let ray = Ray { origin: Vec3::ZERO, direction: camera.direction(u, v) };
                 let hit = object
                     .seen(&ray, 0.0)
                     .ok_or(InsertError::NotCarried("the pixel does not show the object that shall carry this one"))?;
                 let point = ray.at(hit.distance_m);
                 let normal = object.triangle_normal(hit.triangle);
-                // Triangles may be wound either way; seen from the camera the normal faces it.
+                // Triangles may have either winding; seen from the camera the normal faces it.
                 let faces_up = normal.dot(up) * -normal.dot(ray.direction).signum() > SIDE;
                 if faces_up { point + up * (DROP * object.radius_m) } else { above_all(point) }
             }
@@ -61,7 +70,7 @@ impl Placement {
         Ok(Self { position_m: from_m - up * fall_m, ..placed })
     }
 
-    /// The same on a carrier that has moved from one place to another: moved and turned with it.
+    /// Returns the placement moved and rotated with its carrier, which moved from one placement to another.
     #[must_use]
     pub fn carried(self, from: &Self, to: &Self) -> Self {
         let turned = to.rotation() * from.rotation().conjugate();
