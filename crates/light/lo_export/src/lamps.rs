@@ -1,8 +1,8 @@
-//! The room's light sources, as lamps for programs that light by lamps: clusters of the brightest leaves.
+//! Lamps for programs with light sources: clusters of the brightest leaves.
 //!
-//! A lamp and the mesh share an emitter's radiance, so that nothing is lit twice: a panel's faces keep what the photo's white
-//! allows, and its lamp has the rest. An emitter that shines all around is a lamp alone, because a lamp inside of its own
-//! faces would be dark.
+//! A lamp and the mesh share an emitter's radiance, so that nothing is lit twice. A panel's faces keep radiance up to
+//! the photo's white, and its lamp has the rest. An emitter that shines in all directions is a lamp only, because its
+//! own faces would shadow it.
 
 use std::cmp::Reverse;
 use std::collections::HashMap;
@@ -13,28 +13,28 @@ use lo_scene::{AnalyticLight, LightShape};
 
 use crate::free_space::Leaf;
 
-/// At most so many lamps: viewers on the web stop at about this number.
+/// Largest number of lamps; web viewers support about this many.
 const MAX_SOURCES: usize = 8;
 
-/// An emitter begins at this luminance, the photo's white.
+/// Smallest luminance of an emitter, the photo's white.
 pub(crate) const WHITE: f32 = 1.0;
 
-/// A leaf belongs to the cluster of a brighter one while its luminance is at least this share of the brightest's.
+/// Smallest luminance of a leaf in a cluster, as a share of its brightest leaf's.
 const CLUSTER_SHARE: f32 = 0.25;
 
-/// What the faces of a leaf keep of its radiance.
+/// Part of a leaf's radiance that its faces emit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FaceEmission {
-    /// Everything.
+    /// All of it.
     All,
-    /// What the photo's white allows; a lamp has the rest.
+    /// Radiance up to the photo's white; a lamp has the rest.
     UpToWhite,
-    /// Nothing: there are no faces, a lamp has everything.
+    /// None: there are no faces, a lamp has all of it.
     Nothing,
 }
 
 impl FaceEmission {
-    /// The kept part of linear RGB radiance, of the same colour.
+    /// Returns the part of linear RGB radiance that faces emit, of the same colour.
     pub fn of(self, radiance: [f32; 3]) -> [f32; 3] {
         let share = match self {
             Self::All => 1.0,
@@ -45,22 +45,24 @@ impl FaceEmission {
     }
 }
 
-/// A lamp: a cluster of bright leaves, taken as one emitter, or a light that somebody added.
+/// A lamp: a cluster of bright leaves as one emitter, or an added light.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Lamp {
-    /// Its surface: of a cluster's rectangle half a leaf in front of the leaves'. Its radiance: what the faces do not keep.
+    /// Its shape (a cluster's rectangle is half a leaf in front of the leaves' surface), and the radiance that the
+    /// faces do not emit.
     pub light: AnalyticLight,
-    /// Indices of its leaves.
+    /// Indices of its leaves; empty for an added light.
     pub leaves: Vec<usize>,
 }
 
 impl Lamp {
-    /// Power of the Lambertian emitter, `π · L · A` for each channel, in radiance units · m² · sr.
+    /// Returns the power of the Lambertian emitter, `π · L · A` per channel, in radiance units · m² · sr.
     pub fn power(&self) -> [f32; 3] {
         self.light.radiance.map(|c| c * self.light.extent() * std::f32::consts::PI)
     }
 
-    /// Greatest radiant intensity for each channel, in radiance units · m²: straight ahead of a rectangle, all around of a sphere. Of a sun its irradiance.
+    /// Returns the largest radiant intensity per channel, in radiance units · m²: along a rectangle's normal, or in
+    /// any direction of a sphere. For a sun, returns its irradiance.
     pub fn intensity(&self) -> [f32; 3] {
         let seen = match self.light.shape {
             LightShape::Rectangle { .. } | LightShape::Sun { .. } => self.light.extent(),
@@ -69,7 +71,7 @@ impl Lamp {
         self.light.radiance.map(|c| c * seen)
     }
 
-    /// What the faces of its leaves keep.
+    /// Returns the part of the radiance that the faces of its leaves emit.
     pub fn kept(&self) -> FaceEmission {
         match self.light.shape {
             LightShape::Sphere { .. } => FaceEmission::Nothing,
@@ -78,7 +80,7 @@ impl Lamp {
     }
 }
 
-/// Lights that no leaves hold, each side of a rectangle by itself.
+/// Returns the lamps of added lights, with one lamp per side of a rectangle.
 pub(crate) fn added_lamps(lights: &[AnalyticLight]) -> Vec<Lamp> {
     let sides = lights.iter().flat_map(|light| match light.shape {
         LightShape::Rectangle { centre_m, direction, across, size_m, two_sided: true } => {
@@ -93,7 +95,7 @@ pub(crate) fn added_lamps(lights: &[AnalyticLight]) -> Vec<Lamp> {
     sides.map(|light| Lamp { light, leaves: Vec::new() }).collect()
 }
 
-/// What the faces of each leaf keep where these lamps shine.
+/// Returns the part of the radiance that the faces of each leaf emit beside these lamps.
 pub(crate) fn face_emission(leaves: &[Leaf], lamps: &[Lamp]) -> Vec<FaceEmission> {
     let mut kept = vec![FaceEmission::All; leaves.len()];
     for lamp in lamps {
@@ -102,11 +104,11 @@ pub(crate) fn face_emission(leaves: &[Leaf], lamps: &[Lamp]) -> Vec<FaceEmission
     kept
 }
 
-/// The room's strongest emitters that are flat or shine all around, by falling power. Others, such as bright corners of a
-/// room, are left to the mesh.
+/// Returns the room's strongest flat or omnidirectional emitters, by decreasing power. Others, such as bright corners
+/// of a room, are left to the mesh.
 ///
-/// An emitter begins at a leaf above the photo's white, and takes in its neighbours above white down to a quarter of its
-/// luminance.
+/// An emitter starts at a leaf above the photo's white, and includes its neighbours above white down to a quarter of
+/// its luminance.
 pub(crate) fn find_lamps(leaves: &[Leaf]) -> Vec<Lamp> {
     let bright = |&i: &usize| leaves[i].exposed != 0 && leaves[i].luminance() > WHITE;
     let mut seeds: Vec<usize> = (0..leaves.len()).filter(bright).collect();
@@ -137,7 +139,7 @@ pub(crate) fn find_lamps(leaves: &[Leaf]) -> Vec<Lamp> {
     sources
 }
 
-/// One cluster as a lamp; `None` for one that is neither flat nor convex.
+/// Converts a cluster to a lamp; `None` if it is neither flat nor convex.
 fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Lamp> {
     let surface = |leaf: &Leaf| LeafSurface {
         centre_m: leaf.centre_m,
@@ -150,7 +152,8 @@ fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Lamp> {
     let ClusterSurface { centre_m, area_m2, shape } = ClusterSurface::of(&surfaces)?;
     let shape = match shape {
         ClusterShape::Panel { direction, across, size_m } => {
-            // The surface lies half an edge before the leaf's centre; another half keeps the lamp out of its own wall.
+            // The surface is half an edge in front of the leaf's centre; another half keeps the lamp out of its own
+            // wall.
             let centre_m = centre_m + direction * leaves[cluster[0]].edge_m;
             LightShape::Rectangle { centre_m, direction, across, size_m, two_sided: false }
         }
@@ -167,7 +170,7 @@ fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Lamp> {
     Some(source)
 }
 
-/// The 26 cells around one; those below zero wrap to coordinates that no leaf has.
+/// Returns the 26 neighbours of a node; coordinates below zero wrap to values that no leaf has.
 fn neighbours([x, y, z]: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
     (0..27).filter(|i| *i != 13).map(move |i| {
         [
@@ -178,7 +181,7 @@ fn neighbours([x, y, z]: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
     })
 }
 
-/// A non-negative float as an integer of the same order.
+/// Maps a non-negative float to an integer of the same order.
 fn ordered(value: f32) -> u32 {
     value.max(0.0).to_bits()
 }
@@ -203,7 +206,7 @@ mod tests {
         };
         assert!(direction == Vec3::NEG_Y && across.dot(direction).abs() < 1e-6);
         assert!(size_m.iter().all(|m| (m - 1.0).abs() < 1e-3), "{size_m:?}");
-        // (10, 8, 6) less what the photo's white allows of that colour.
+        // (10, 8, 6) minus the part up to the photo's white.
         assert!(lamp.light.radiance.iter().zip([9.0, 7.2, 5.4]).all(|(a, b)| (a - b).abs() < 1e-5), "{:?}", lamp.light);
         // Half a cell below the ceiling at y = 1.5.
         assert_eq!(centre_m, Vec3::new(0.0, 1.25, 0.0));
@@ -286,7 +289,7 @@ mod tests {
         ];
         let lamps = find_lamps(&free_space::leaves(&light_of(&cells, cube, 3), None));
         let levels: Vec<f32> = lamps.iter().map(|lamp| lamp.light.radiance[0]).collect();
-        // The panels' faces keep 1; the leaf of 6 shines all around and keeps nothing.
+        // The panels' faces emit 1; the leaf of 6 shines in all directions, and its faces emit nothing.
         assert_eq!(levels, [19.0, 6.0, 1.0]);
         assert_eq!(lamps.iter().map(|lamp| lamp.leaves.len()).collect::<Vec<_>>(), [1, 1, 2]);
         assert!(find_lamps(&[]).is_empty());

@@ -1,4 +1,4 @@
-//! The light probe's file beside the scene.
+//! Files of light probes beside the scene.
 
 use std::path::Path;
 
@@ -10,34 +10,34 @@ use crate::sibling_file::SiblingFile;
 use crate::world_frame::WorldFrame;
 use crate::{ExportError, Format};
 
-/// The light that arrives at one point of the scene.
+/// Light that arrives at one point of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct LightProbe<'a> {
-    /// Equirectangular panorama in our own orientation: centre −Z, +X to its right.
+    /// Equirectangular panorama in this project's orientation: centre −Z, +X to its right.
     pub radiance: &'a RadianceImage,
-    /// The point, in metres.
+    /// Position in metres.
     pub position_m: Vec3,
 }
 
-/// A probe on its way to a file.
+/// A light probe prepared for its file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProbeFile {
-    /// Where it is written.
+    /// Path and name of the file.
     pub file: SiblingFile,
-    /// Where it was taken, in metres of the camera's frame.
+    /// Position in metres, in the camera's frame.
     pub position_m: Vec3,
-    /// How the panorama lies, in words.
+    /// Description of the panorama's orientation.
     pub convention: &'static str,
-    /// The panorama, turned for the format's readers.
+    /// The panorama, in the orientation that the format's readers expect.
     panorama: RadianceImage,
 }
 
 impl ProbeFile {
-    /// Names the file `<stem of scene>_probe.exr`, `…_probe2.exr` for the second one, and turns the panorama from the camera's
-    /// frame to the world's and as the format's readers expect it.
+    /// Names the file `<stem of scene>_probe.exr` (`…_probe2.exr` for the second one). Rotates the panorama from the
+    /// camera's frame to the world's and to the orientation that the format's readers expect.
     ///
     /// # Errors
-    /// Where the panorama is not equirectangular, or where the scene's name cannot stand in a text file.
+    /// If the panorama is not equirectangular, or the scene's name cannot be used in a text file.
     pub fn beside(
         scene: &Path,
         index: usize,
@@ -92,7 +92,7 @@ mod tests {
 
     use super::*;
 
-    /// A panorama whose pixels hold their own direction.
+    /// A panorama whose pixels contain their own direction.
     fn directions() -> RadianceImage {
         RadianceImage::from_fn(64, 32, |x, y| pixel_direction(x, y, 64, 32).to_array())
     }
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn each_format_sees_every_direction_where_it_looks() {
-        // What the readers do, from their sources: u of a direction. v is ours.
+        // u of a direction, from the readers' source code. v is as ours.
         let openexr = |d: Vec3| 0.5 - d.x.atan2(d.z) / std::f32::consts::TAU;
         let threejs = |d: Vec3| 0.5 + d.z.atan2(d.x) / std::f32::consts::TAU;
         type Reader = fn(Vec3) -> f32;
@@ -130,9 +130,9 @@ mod tests {
         let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
         let file = ProbeFile::beside(Path::new("room.usda"), 1, Format::Usda, probe, level).unwrap();
         assert_eq!(file.file.name, "room_probe2.exr");
-        // The topmost row is the world's up, which the camera's frame has at `up`.
+        // The topmost row is the world's up, which is `up` in the camera's frame.
         assert!(Vec3::from(file.panorama[(9, 0)]).angle_between(up) < 0.1);
-        // The middle is +Z of the world.
+        // The centre is the world's +Z.
         let back = level.rotation.transpose() * Vec3::Z;
         assert!(Vec3::from(file.panorama[(32, 16)]).angle_between(back) < 0.1);
     }

@@ -1,4 +1,4 @@
-//! The photo's radiance with what the scene knows of its clipped highlights.
+//! The photo's radiance with clipped highlights restored from the octree.
 
 use std::collections::HashMap;
 
@@ -10,12 +10,12 @@ use lo_scene::{Frame, LitScene};
 use crate::free_space::{self, Leaf};
 use crate::lamps::FaceEmission;
 
-/// [`radiance`] of a scene, with its emitters as they were edited.
+/// Returns [`radiance`] of a scene with its light edits.
 pub(crate) fn of_scene(scene: &LitScene, leaves: &[Leaf], kept: &[FaceEmission]) -> Option<RadianceImage> {
     let Some(change) = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref()) else {
         return radiance(&scene.frame, &scene.light, leaves, kept);
     };
-    // The photo shows the light of before.
+    // The photo shows the light before edits.
     let before = LightOctree { rgba: change.before.clone(), ..scene.light.clone() };
     let leaves_before = free_space::leaves(&before, None);
     let all = vec![FaceEmission::All; leaves_before.len()];
@@ -30,9 +30,10 @@ pub(crate) fn of_scene(scene: &LitScene, leaves: &[Leaf], kept: &[FaceEmission])
     Some(edited)
 }
 
-/// The photo's radiance; pixels that the sensor clipped have that of their leaf where it is brighter, as much as its faces keep.
+/// Returns the photo's radiance. Pixels that the sensor clipped get the radiance that the faces of their leaf emit,
+/// if it is brighter.
 ///
-/// `None` where there is no such pixel: then the photo itself will do.
+/// Returns `None` if there is no such pixel, so that the photo itself can be used.
 pub(crate) fn radiance(
     frame: &Frame,
     light: &LightOctree,
@@ -59,7 +60,7 @@ fn of_node<'a>(leaves: &'a [Leaf], kept: &'a [FaceEmission]) -> LeavesByNode<'a>
     leaves.iter().zip(kept).map(|(leaf, kept)| ((leaf.depth, leaf.xyz), (leaf, kept))).collect()
 }
 
-/// Each clipped pixel whose leaf is known.
+/// Calls `with` for each clipped pixel whose leaf is found.
 fn for_clipped(
     frame: &Frame,
     light: &LightOctree,
@@ -75,7 +76,7 @@ fn for_clipped(
             let Some(point) = frame.point(x * columns / clipped.width(), y * rows / clipped.height()) else {
                 continue;
             };
-            // A surface may lie a leaf before or behind its reading.
+            // A surface may be a leaf in front of or behind its reading.
             let leaf = [0.0, 1.0, -1.0].into_iter().find_map(|leaves| {
                 let (depth, node) = light.locate(point + point.normalize_or_zero() * (leaves * edge_m), depth)?;
                 of_node.get(&(depth, xyz_from_key(light.octree.levels()[depth as usize].keys[node])))
@@ -108,7 +109,7 @@ mod tests {
         let whole = radiance(&frame, &light, &leaves, &vec![FaceEmission::All; leaves.len()]).unwrap();
         assert_eq!(whole[(1, 3)], [5.0, 4.0, 3.0]);
         assert_eq!(whole[(6, 3)], frame.radiance()[(6, 3)]);
-        // With a lamp before the wall the faces have no more than white, which the photo has, too.
+        // With a lamp in front of the wall, the faces emit no more than white, as in the photo.
         assert_eq!(radiance(&frame, &light, &leaves, &vec![FaceEmission::UpToWhite; leaves.len()]), None);
     }
 }

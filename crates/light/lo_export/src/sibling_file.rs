@@ -1,23 +1,23 @@
-//! Names of the files beside the scene's.
+//! Names of the files beside the exported scene.
 
 use std::path::{Path, PathBuf};
 
 use crate::ExportError;
 
-/// A file beside the scene's.
+/// A file beside the exported scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct SiblingFile {
-    /// Where it is written.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Its name without the folder, as the scene file refers to it.
+    /// File name without folder, as the scene file refers to it.
     pub name: String,
 }
 
 impl SiblingFile {
-    /// `<stem of scene>_<ending>`.
+    /// Names it `<stem of scene>_<ending>`.
     ///
     /// # Errors
-    /// Where the scene's name cannot stand in a text file.
+    /// If the scene's name cannot be used in a text file.
     pub fn new(scene: &Path, ending: &str) -> Result<Self, ExportError> {
         let stem = scene.file_stem().and_then(|stem| stem.to_str()).filter(|stem| !stem.contains(char::is_control));
         let name = format!("{}_{ending}", stem.ok_or_else(|| ExportError::UnusableStem(scene.to_owned()))?);

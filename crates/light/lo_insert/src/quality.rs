@@ -9,7 +9,7 @@ use crate::shade::visibility::AdaptiveCoverage;
 /// | coverage samples per pixel | 4 on edges, else 1 | 8, or 4 that agree | 16 |
 /// | diffuse cones over the sphere per shaded point | 24 | 64 | 192 |
 /// | solid angle of a diffuse cone, of its share of the sphere | 1 | 1/2 | 1/4 |
-/// | diffuse light shared by neighbouring pixels, from 1,440 pixels of the longer side on | 4 × 4, 4 × 4 | 2 × 2, 4 × 4 | no, 2 × 2 |
+/// | pixels that share diffuse light; in photos of 1,440 pixels and more | 4 × 4, 4 × 4 | 2 × 2, 4 × 4 | no, 2 × 2 |
 /// | transmittance at which cones of diffuse light end | 1 % | 0.3 % | 0.01 % |
 /// | side of the image of the room behind the object, texels | 32 | 48 | 96 |
 /// | cones of a blurred reflection | 1 | 6 | 24 |

@@ -12,7 +12,7 @@
 //! | `octree.d.…` | | the lighting octree, depth by depth: see [`lo_octree::write_tensors`] |
 //! | `confidence` | U8 `[rows]` | only if a network completed the scene: confidence per feature row, 255 = certain |
 //! | `panorama` | F16 `[h, 2 h, 3]` | only with a panorama: its linear radiance ÷ `scale` of `panorama_picture` |
-//! | `expected_light` | F16 `[h, 2 h, 3]` | only if a network predicted it: linear radiance around the camera ÷ `scale` |
+//! | `expected_light` | F16 `[h, 2 h, 3]` | only if predicted: linear radiance around the camera ÷ `scale` |
 //! | `panorama_share` | U8 `[rows]` | only with a panorama: its share in the radiance of each row, 255 = all |
 //! | `objects` | U8 `[bytes]` | only with inserted objects: their layout, JSON as read by `insert --layout` |
 //! | `objects.0` … | U8 `[bytes]` | only with `objects`: the unchanged files of their meshes |
@@ -34,7 +34,8 @@
 //! Optional fields:
 //!
 //! - `depth_model`: name of the third-party depth model that predicted `depth_m`
-//! - `camera_source`: source of the camera (`from`: `exif`, `depth-model`, `default`, or `network` with `deviation_deg`)
+//! - `camera_source`: source of the camera (`from`: `exif`, `depth-model`, `default`, or `network` with
+//!   `deviation_deg`)
 //! - `up_deviation_deg`: expected error of `up`, if a network predicted it
 //! - `panorama`: `file`, `position_m`, `yaw_deg`, `pitch_deg`, `roll_deg`, `exposure_ev`, `confidence`, `clipped`
 //!   ([`PanoramaSource`])
@@ -42,9 +43,10 @@
 //! - `expected_light`: `scale`, `world_from_panorama` and `contrast_stops` ([`ExpectedLight`])
 //! - `other_photos`: for each photo but the first, `first_from_camera` (`rotation` x y z w, `translation_m`), `camera`
 //!   and `exposure`
-//! - `light_edits`: `emitters`, `added` and `guessed` ([`LightEdits`]); the octree's tensors remain the unedited estimate
-//! - `objects`: `floor_gloss`, `frames` (only if the user chose it), `fps`, `time_s` ([`ObjectDisplay`]) and `files`, the
-//!   names of the contents of `objects.0` … ([`SceneObjects`])
+//! - `light_edits`: `emitters`, `added` and `guessed` ([`LightEdits`]); the octree's tensors remain the unedited
+//!   estimate
+//! - `objects`: `floor_gloss`, `frames` (only if the user chose it), `fps`, `time_s` ([`ObjectDisplay`]) and `files`,
+//!   the names of the contents of `objects.0` … ([`SceneObjects`])
 //!
 //! In Python:
 //!

@@ -1,5 +1,5 @@
-//! USD as text: the photo's camera, the room as emitting meshes, and a choice of lighting: these meshes with lamps, or a probe as a
-//! dome.
+//! USD as text: the photo's camera, the room as emissive meshes, and variants of the lighting: these meshes with
+//! lamps, or a probe as a dome.
 
 mod camera;
 mod light;
@@ -17,46 +17,46 @@ use crate::room_mesh::RoomMesh;
 use crate::world_frame::WorldFrame;
 use text::{indented, matrix};
 
-/// Where the camera's frame and the materials stand.
+/// Paths of the camera's frame and of the materials.
 const WORLD: &str = "/Scene/World";
 const MATERIALS: &str = "/Scene/World/Materials";
 
-/// The shadow catcher is nearer to the camera than the photo's mesh by this share: 4 mm in 2 m.
+/// Scale of the shadow catcher towards the camera, relative to the photo's mesh: 4 mm in 2 m.
 const CATCHER_SCALE: f32 = 0.998;
 
-/// A file of radiance beside the stage.
+/// A texture file beside the stage.
 pub(crate) struct Texture {
-    /// Its name.
+    /// File name.
     pub file: String,
-    /// Its `sourceColorSpace`.
+    /// USD's `sourceColorSpace`.
     pub space: &'static str,
 }
 
-/// The room, and what belongs to it.
+/// The room's meshes and textures.
 pub(crate) struct Meshes<'a> {
-    /// The leaves' faces.
+    /// Faces of the leaves.
     pub room: &'a RoomMesh,
-    /// The texture of their radiance.
+    /// Texture of their radiance.
     pub room_texture: &'a Texture,
-    /// What the photo sees.
+    /// The observed surface.
     pub photo: &'a PhotoMesh,
     /// The photo.
     pub photo_texture: &'a Texture,
-    /// The photo with its highlights.
+    /// The photo with restored highlights.
     pub seen_texture: &'a Texture,
-    /// How far from the camera nothing of the room is, in metres.
+    /// Distance from the camera beyond all parts of the room, in metres.
     pub beyond_m: f32,
 }
 
-/// What the stage shows.
+/// Geometry of the stage.
 pub(crate) enum SceneGeometry<'a> {
-    /// The room, emitting.
+    /// The room as emissive meshes.
     Room(Meshes<'a>),
-    /// Points with colours; whether with the share that a panorama gave.
+    /// Points with colours, and whether they have a panorama's share.
     Points(&'a [Point], bool),
 }
 
-/// The whole file.
+/// Encodes the whole file.
 pub(crate) fn encode(
     shown: &SceneGeometry,
     camera: &Camera,
@@ -65,7 +65,7 @@ pub(crate) fn encode(
     probes: &[ProbeFile],
 ) -> String {
     let variant = |index: usize| if index == 0 { "probe".to_owned() } else { format!("probe{}", index + 1) };
-    // The dome holds the light of mesh and lamps already: one or the other, or everything is lit twice.
+    // The dome already contains the light of mesh and lamps: with both, everything would be lit twice.
     let lighting = if probes.is_empty() { "room" } else { "probe" };
     let frame = if level == WorldFrame::CAMERA { FRAME } else { LEVEL_FRAME };
     let mut text = format!(
@@ -142,7 +142,7 @@ mod tests {
     use crate::test_scene::box_room;
     use crate::{free_space, lamps, photo_mesh, points, room_mesh};
 
-    /// The numbers of an array, without its brackets.
+    /// Parses the numbers of an array, without its brackets.
     fn numbers(text: &str, declaration: &str) -> Vec<f32> {
         let (_, rest) = text.split_once(&format!("{declaration} = [")).unwrap();
         let (list, _) = rest.split_once(']').unwrap();

@@ -30,7 +30,7 @@ const APERTURE: f32 = 0.25;
 
 const GOLDEN_ANGLE_RAD: f32 = 2.399_963_2;
 
-/// Linear RGB irradiance of a real surface, π × the photo's radiance units.
+/// Linear RGB irradiance of a real surface, in the photo's radiance units × sr.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct SurfaceIrradiance {
     /// Irradiance from the room without its lights.

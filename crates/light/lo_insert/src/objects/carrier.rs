@@ -47,9 +47,8 @@ impl Placement {
             Anchor::Below(point) => point,
             Anchor::Pixel(u, v) => {
                 let ray = Ray { origin: Vec3::ZERO, direction: camera.direction(u, v) };
-                let hit = object
-                    .seen(&ray, 0.0)
-                    .ok_or(InsertError::NotCarried("the pixel does not show the object that shall carry this one"))?;
+                let hit =
+                    object.seen(&ray, 0.0).ok_or(InsertError::NotCarried("the pixel does not show the carrier"))?;
                 let point = ray.at(hit.distance_m);
                 let normal = object.triangle_normal(hit.triangle);
                 // Triangles may have either winding; seen from the camera the normal faces it.
@@ -66,7 +65,7 @@ impl Placement {
         let fall_m = spots
             .filter_map(fall_m)
             .reduce(f32::min)
-            .ok_or(InsertError::NotCarried("nothing of the object that shall carry this one lies below its place"))?;
+            .ok_or(InsertError::NotCarried("the carrier is not below the object"))?;
         Ok(Self { position_m: from_m - up * fall_m, ..placed })
     }
 

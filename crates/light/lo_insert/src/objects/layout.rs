@@ -17,7 +17,8 @@ use crate::{Align, Anchor, Base, Ground, InsertError, Instance, Path, PathPlacem
 /// {"objects": [
 ///     {"mesh": "table.glb", "pixel": [960, 1150], "height_m": 0.45, "material": "matte-white"},
 ///     {"mesh": "vase.obj", "name": "vase", "on": "table", "material": {"preset": "gold", "roughness": 0.3}},
-///     {"mesh": "car.glb", "path": {"keyframes": [{"time_s": 0, "pixel": [500, 1200]}, {"time_s": 2, "pixel": [800, 1250]}]}}
+///     {"mesh": "car.glb",
+///      "path": {"keyframes": [{"time_s": 0, "pixel": [500, 1200]}, {"time_s": 2, "pixel": [800, 1250]}]}}
 /// ]}
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -91,7 +92,7 @@ impl Layout {
         let mut names: HashSet<String> = HashSet::new();
         for name in objects.iter().filter_map(|object| object.name.as_ref()) {
             if !names.insert(name.clone()) {
-                return Err(InsertError::Layout(format!("two objects are called `{name}`")));
+                return Err(InsertError::Layout(format!("two objects are named `{name}`")));
             }
         }
         for i in 0..objects.len() {
@@ -118,18 +119,16 @@ impl Layout {
             Value::Array(list) => list,
             Value::Object(mut fields) if fields.len() == 1 && fields.contains_key("objects") => {
                 let Some(Value::Array(list)) = fields.remove("objects") else {
-                    return Err(InsertError::Layout("`objects` is no list".into()));
+                    return Err(InsertError::Layout("`objects` is not a list".into()));
                 };
                 list
             }
             Value::Object(fields) => {
                 let unknown = fields.keys().find(|key| *key != "objects");
                 let found = unknown.map_or_else(|| "has none".into(), |key| format!("has `{key}`"));
-                return Err(InsertError::Layout(format!(
-                    "needs a list of objects as `objects` and nothing else, {found}"
-                )));
+                return Err(InsertError::Layout(format!("needs only `objects`, a list of objects; {found}")));
             }
-            _ => return Err(InsertError::Layout("is no list of objects".into())),
+            _ => return Err(InsertError::Layout("is not a list of objects".into())),
         };
         let object = |(i, value): (usize, Value)| {
             let name = value.get("name").or_else(|| value.get("mesh")).and_then(Value::as_str);
@@ -246,21 +245,21 @@ impl LayoutObject {
         let places = places.into_iter().filter(|&given| given).count();
         match &self.on {
             None if places != 1 => {
-                return Err("needs one place: \"pixel\", \"position_m\", \"path\" or \"on\"".into());
+                return Err("needs exactly one of \"pixel\", \"position_m\", \"path\" or \"on\"".into());
             }
             Some(_) if places > 1 || self.path.is_some() => {
-                return Err("with \"on\" it can have a \"pixel\" or a \"position_m\" beside, and no \"path\"".into());
+                return Err("with \"on\", only one of \"pixel\" and \"position_m\" is allowed, and no \"path\"".into());
             }
             Some(on) if !carriers.contains(&on.as_str()) => {
-                return Err(format!("it stands on `{on}`, but no object before it is called so"));
+                return Err(format!("no object before it is named `{on}`, which it is \"on\""));
             }
             Some(_) if self.align.is_some() => {
-                return Err("\"align\": it stands as the object does that it is \"on\"".into());
+                return Err("\"align\" is not allowed with \"on\": the alignment is that of the carrier".into());
             }
             _ => {}
         }
         if self.path.is_some() && self.yaw_deg.is_some() {
-            return Err("\"yaw_deg\": the keyframes of its \"path\" say it".into());
+            return Err("\"yaw_deg\" is not allowed with \"path\": set it in the keyframes".into());
         }
         if self.scale.is_some() && self.height_m.is_some() {
             return Err("\"scale\" and \"height_m\" cannot both be given".into());
@@ -307,7 +306,7 @@ impl LayoutObject {
         let placement = match (self.position_m, self.pixel) {
             (Some(position_m), _) => placed(Placement::at(ground.estimate, point(position_m), align)),
             (None, Some([u, v])) => placed(Placement::rest_on_pixel(ground, u, v, align)?).settled(ground, &base),
-            (None, None) => return Err(InsertError::Layout("it has no place".into())),
+            (None, None) => return Err(InsertError::Layout("it has no position".into())),
         };
         Ok(vec![placement; times_s.len()])
     }

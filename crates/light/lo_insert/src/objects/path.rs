@@ -106,7 +106,7 @@ impl Path {
         for (i, key) in self.keyframes.iter().enumerate() {
             let numbers = key.position_m.iter().flatten().chain(key.pixel.iter().flatten());
             if !numbers.chain([&key.time_s, &key.yaw_deg]).all(|x| x.is_finite()) {
-                return fail(format!("keyframe {i} holds a number that is not finite"));
+                return fail(format!("keyframe {i} has a number that is not finite"));
             }
             if key.position_m.is_some() == key.pixel.is_some() {
                 return fail(format!("keyframe {i} needs either \"position_m\" or \"pixel\""));

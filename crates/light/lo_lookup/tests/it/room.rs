@@ -270,9 +270,9 @@ fn unseen_errors(place_m: Vec3, eye: Vec3) -> (f32, f32) {
     };
     // As if the panorama had contributed all light.
     let share = plain.light.rgba.iter().map(|rows| vec![255; rows.len()]).collect();
-    let picture = Some(PanoramaImage::new(&radiance, rotation));
+    let image = Some(PanoramaImage::new(&radiance, rotation));
     let mut given = plain.clone();
-    given.estimate_mut().panorama = Some(PanoramaContribution { source, share, picture });
+    given.estimate_mut().panorama = Some(PanoramaContribution { source, share, image });
     let error = |scene: &LitScene| {
         let found = SceneRenderer::new(scene).panorama(eye, 512, 256).radiance;
         let (mut sum, mut count) = (0.0, 0);
