@@ -20,7 +20,7 @@ pub enum ExportError {
         Content::PhotoPoints => "photo point",
     })]
     NotFinite {
-        /// What was exported.
+        /// Exported content.
         content: Content,
         /// Index among the points, from 0.
         index: usize,

@@ -47,8 +47,8 @@ pub(crate) enum SceneGeometry<'a> {
 }
 
 /// Returns whether a glTF lamp, a point light, can represent it. Others are left to the mesh.
-pub(crate) fn has_lamp(source: &Lamp) -> bool {
-    source.light.extent() <= MAX_LAMP_AREA_M2
+pub(crate) fn has_lamp(lamp: &Lamp) -> bool {
+    lamp.light.extent() <= MAX_LAMP_AREA_M2
 }
 
 /// Encodes the whole file.

@@ -14,7 +14,7 @@ use lo_scene::{AnalyticLight, LightShape};
 use crate::free_space::Leaf;
 
 /// Largest number of lamps; web viewers support about this many.
-const MAX_SOURCES: usize = 8;
+const MAX_LAMPS: usize = 8;
 
 /// Smallest luminance of an emitter, the photo's white.
 pub(crate) const WHITE: f32 = 1.0;
@@ -72,7 +72,7 @@ impl Lamp {
     }
 
     /// Returns the part of the radiance that the faces of its leaves emit.
-    pub fn kept(&self) -> FaceEmission {
+    pub fn face_emission(&self) -> FaceEmission {
         match self.light.shape {
             LightShape::Sphere { .. } => FaceEmission::Nothing,
             LightShape::Rectangle { .. } | LightShape::Sun { .. } => FaceEmission::UpToWhite,
@@ -99,7 +99,7 @@ pub(crate) fn added_lamps(lights: &[AnalyticLight]) -> Vec<Lamp> {
 pub(crate) fn face_emission(leaves: &[Leaf], lamps: &[Lamp]) -> Vec<FaceEmission> {
     let mut kept = vec![FaceEmission::All; leaves.len()];
     for lamp in lamps {
-        lamp.leaves.iter().for_each(|&leaf| kept[leaf] = lamp.kept());
+        lamp.leaves.iter().for_each(|&leaf| kept[leaf] = lamp.face_emission());
     }
     kept
 }
@@ -115,7 +115,7 @@ pub(crate) fn find_lamps(leaves: &[Leaf]) -> Vec<Lamp> {
     let mut open: HashMap<(u32, [u32; 3]), usize> =
         seeds.iter().map(|&i| ((leaves[i].depth, leaves[i].xyz), i)).collect();
     seeds.sort_by(|&a, &b| leaves[b].luminance().total_cmp(&leaves[a].luminance()).then(a.cmp(&b)));
-    let mut sources = Vec::new();
+    let mut lamps = Vec::new();
     for seed in seeds {
         if open.remove(&(leaves[seed].depth, leaves[seed].xyz)).is_none() {
             continue;
@@ -132,15 +132,15 @@ pub(crate) fn find_lamps(leaves: &[Leaf]) -> Vec<Lamp> {
                 }
             }
         }
-        sources.extend(source(leaves, cluster));
+        lamps.extend(lamp_from_cluster(leaves, cluster));
     }
-    sources.sort_by_key(|source: &Lamp| Reverse(ordered(source.power().iter().sum())));
-    sources.truncate(MAX_SOURCES);
-    sources
+    lamps.sort_by_key(|lamp: &Lamp| Reverse(ordered(lamp.power().iter().sum())));
+    lamps.truncate(MAX_LAMPS);
+    lamps
 }
 
 /// Converts a cluster to a lamp; `None` if it is neither flat nor convex.
-fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Lamp> {
+fn lamp_from_cluster(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Lamp> {
     let surface = |leaf: &Leaf| LeafSurface {
         centre_m: leaf.centre_m,
         edge_m: leaf.edge_m,
@@ -160,14 +160,14 @@ fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Lamp> {
         ClusterShape::Ball { radius_m } => LightShape::Sphere { centre_m, radius_m },
         ClusterShape::Concave => return None,
     };
-    let mut source = Lamp { light: AnalyticLight { shape, radiance: [0.0; 3] }, leaves: Vec::new() };
-    let kept = source.kept();
+    let mut lamp = Lamp { light: AnalyticLight { shape, radiance: [0.0; 3] }, leaves: Vec::new() };
+    let kept = lamp.face_emission();
     let given =
         |leaf: &Leaf| (Vec3::from(leaf.radiance()) - Vec3::from(kept.of(leaf.radiance()))) * leaf.surface_area_m2();
     let radiance: Vec3 = cluster.iter().map(|&i| given(&leaves[i])).sum();
-    source.light.radiance = (radiance / area_m2).to_array();
-    source.leaves = cluster;
-    Some(source)
+    lamp.light.radiance = (radiance / area_m2).to_array();
+    lamp.leaves = cluster;
+    Some(lamp)
 }
 
 /// Returns the 26 neighbours of a node; coordinates below zero wrap to values that no leaf has.

@@ -176,7 +176,7 @@ fn usda_room(
     report: &mut Report,
 ) -> Result<String, ExportError> {
     let frame = &scene.frame;
-    room.put_behind(scene.surface());
+    room.move_behind_photo(scene.surface());
     let floor = scene.room.as_ref().and_then(lo_scene::Room::floor);
     let photo = photo_mesh::from_frame(frame, floor);
 

@@ -67,7 +67,7 @@ impl RoomMesh {
     ///
     /// A vertex moves if it is up to four leaves in front of that position, because the photo observed free space
     /// there. Steps of a floor seen from a low viewpoint are that far in front.
-    pub fn put_behind(&mut self, frame: &Frame) {
+    pub fn move_behind_photo(&mut self, frame: &Frame) {
         let camera = frame.depth_camera();
         let depth_m = &frame.depth_m;
         for (position_m, &edge_m) in self.positions_m.iter_mut().zip(&self.edges_m) {
@@ -152,7 +152,7 @@ mod tests {
         let frame = box_room().frame.clone();
         let before = mesh();
         let mut mesh = before.clone();
-        mesh.put_behind(&frame);
+        mesh.move_behind_photo(&frame);
         // The photo shows a wall at 1.5 m, 8 × 6 pixels with f = 5: every vertex up to four cells in front moves to
         // 1.75 m.
         let mut moved = 0;

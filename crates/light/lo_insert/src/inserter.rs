@@ -18,7 +18,7 @@ use crate::quality::Counts;
 use crate::shade::composite::{Composite, Layers};
 use crate::shade::gloss::Gloss;
 use crate::shade::shader::Shader;
-use crate::shade::visibility::{TILE, TileView, Viewer, coverage_pattern, is_in_view, seen_window};
+use crate::shade::visibility::{RayCaster, TILE, TileView, coverage_pattern, is_in_view, seen_window};
 use crate::shadow::backdrop::Backdrop;
 use crate::shadow::field::{Caster, ShadowField};
 use crate::shadow::ratio::ShadowRatio;
@@ -179,10 +179,10 @@ impl Inserter {
         let coarse = self.coarse.ratio(&caster(None), Stage::CoarseShadow, on_event)?;
         let patches = patches(&objects, counts.patches);
         let radiosity = stage_of_steps(on_event, Stage::Radiosity, |on_event| {
-            let direct = patches::lit(&gatherer(Some(&coarse), None), &patches);
+            let direct = patches::radiosity(&gatherer(Some(&coarse), None), &patches);
             progress(on_event, Stage::Radiosity, 1, 2)?;
             let reflected = Gatherer { radiosity: Some(&direct), ..gatherer(Some(&coarse), None) };
-            Ok::<_, Cancelled>(patches::lit(&reflected, &patches))
+            Ok::<_, Cancelled>(patches::radiosity(&reflected, &patches))
         })?;
         let shadow = if counts.refines_shadow {
             let smooth = self.coarse.ratio(&caster(Some(&radiosity)), Stage::CoarseShadow, on_event)?;
@@ -240,14 +240,15 @@ impl Inserter {
         let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
         let tiles: Vec<_> =
             tiles.into_iter().map(|(y, x)| (x, y, (x + TILE).min(width), (y + TILE).min(height))).collect();
-        let (view, fronts) = stage(on_event, Stage::Visibility, || {
+        let (view, occluder_colours) = stage(on_event, Stage::Visibility, || {
             let colour = |pixel| self.colour(pixel);
             let matte = |(object, window): (&Object, &Option<_>)| {
                 window.map(|window| Matte::new(&camera, object, &self.occluders, colour, window))
             };
             let mattes: Vec<Option<Matte>> = objects.iter().zip(&windows).map(matte).collect();
             let (occluders, adaptive_coverage) = (&self.occluders, self.counts.adaptive_coverage);
-            let viewer = Viewer { camera, objects, occluders, mattes: &mattes, samples: &samples, adaptive_coverage };
+            let viewer =
+                RayCaster { camera, objects, occluders, mattes: &mattes, samples: &samples, adaptive_coverage };
             let views: Vec<TileView> = tiles.into_par_iter().map(|tile| viewer.tile(tile)).collect();
             let mut view = TileView::default();
             for tile in views {
@@ -255,16 +256,16 @@ impl Inserter {
                 view.hidden.extend(tile.hidden);
             }
             // An occluder of several objects along one edge has the mean of its estimated colours.
-            let mut fronts: HashMap<(usize, usize), (Vec3, f32)> = HashMap::new();
-            for (pixel, front) in mattes.into_iter().flatten().flat_map(|matte| matte.fronts) {
-                let (sum, count) = fronts.entry(pixel).or_default();
+            let mut occluder_colours: HashMap<(usize, usize), (Vec3, f32)> = HashMap::new();
+            for (pixel, front) in mattes.into_iter().flatten().flat_map(|matte| matte.occluder_colours) {
+                let (sum, count) = occluder_colours.entry(pixel).or_default();
                 (*sum, *count) = (*sum + front, *count + 1.0);
             }
-            (view, fronts)
+            (view, occluder_colours)
         })?;
         let radiance = stage_of_steps(on_event, Stage::Shading, |on_event| shader.shade(&view.fragments, on_event))?;
         layers.add(&view, &radiance);
-        for (pixel, (sum, count)) in fronts {
+        for (pixel, (sum, count)) in occluder_colours {
             let linear = |colour: Vec3| Vec3::from(colour.to_array().map(lo_imaging::linear_from_srgb));
             layers.clear_edge(pixel, (linear(sum / count) - linear(self.colour(pixel))) * self.frame.exposure);
         }
@@ -329,8 +330,8 @@ impl Inserter {
             others.any(|(_, other)| other.blocks(&down, 2.0 * CARRIES_M))
         };
         let known: Vec<Option<bool>> = Base::new(model)
-            .spots(placement.scale, placement.rotation())
-            .map(|spot| placement.position_m + spot)
+            .sample_points(placement.scale, placement.rotation())
+            .map(|point| placement.position_m + point)
             .map(|point| {
                 if on_other(point) {
                     return Some(true);

@@ -4,7 +4,7 @@ use lo_octree::LightOctree;
 use crate::derived::Derived;
 use crate::{CameraSource, Completion, ExpectedLight, Frame, OtherPhoto, PanoramaContribution, Room};
 
-/// What is inferred of a room from photos: its radiance, and what was observed of it. Self-contained.
+/// The estimate of a room from photos: its radiance and the observed frame. Self-contained.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Radiance of the whole room, without the user's edits of the light.
@@ -22,19 +22,19 @@ pub struct Estimate {
     pub panorama: Option<PanoramaContribution>,
     /// Further photos that the light comes from.
     pub other_photos: Vec<OtherPhoto>,
-    /// How all this was obtained.
+    /// Inputs and methods of the estimate.
     pub origin: EstimateOrigin,
     /// Values computed once and kept.
     #[doc(hidden)]
     pub derived: Derived,
 }
 
-/// How an estimate was obtained. By default: measured depth, nothing completed, no sources named.
+/// Inputs and methods of an estimate. The default is measured depth without completion or named sources.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EstimateOrigin {
-    /// How unobserved regions were completed.
+    /// Completion of unobserved regions.
     pub completion: Completion,
-    /// Where the camera's intrinsics come from, where that is known.
+    /// Source of the camera's intrinsics, if known.
     pub camera_source: Option<CameraSource>,
     /// Expected error of the room's up, degrees, where a network predicted it.
     pub up_deviation_deg: Option<f32>,

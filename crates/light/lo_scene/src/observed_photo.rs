@@ -27,11 +27,15 @@ impl ObservedPhoto {
     /// Replaces fitted normals by the given ones, where there are any. They are in the camera's axes.
     ///
     /// # Panics
-    /// If `told` does not have the depth map's size.
-    pub fn override_normals(&mut self, told: &Image<Option<Vec3>>) {
+    /// If `measured` does not have the depth map's size.
+    pub fn override_normals(&mut self, measured: &Image<Option<Vec3>>) {
         let size = (self.normals.width(), self.normals.height());
-        assert_eq!((told.width(), told.height()), size, "one normal per depth pixel");
-        self.normals.pixels_mut().iter_mut().zip(told.pixels()).for_each(|(fitted, told)| *fitted = told.or(*fitted));
+        assert_eq!((measured.width(), measured.height()), size, "one normal per depth pixel");
+        self.normals
+            .pixels_mut()
+            .iter_mut()
+            .zip(measured.pixels())
+            .for_each(|(fitted, measured)| *fitted = measured.or(*fitted));
     }
 
     /// Returns one surfel per reading, in the axes of the first photo's camera.

@@ -38,7 +38,7 @@ enum EnvironmentSource {
         rest: Box<ConeTracer>,
         lookups: Option<Box<Lookups>>,
         /// Lights outside of the octree, added by the user.
-        beside: Option<Box<AnalyticLights>>,
+        added: Option<Box<AnalyticLights>>,
         leaf_edge_m: f32,
     },
     Map {
@@ -106,11 +106,11 @@ impl Environment {
             whole.trace(&cone).opacity > 0.5
         };
         let (mut patches, rest) = lo_lights::split_octree(light, faces_room);
-        let beside = AnalyticLights::of(scene).map(Box::new);
-        patches.extend(beside.iter().flat_map(|lights| lights.patches()));
+        let added = AnalyticLights::of(scene).map(Box::new);
+        patches.extend(added.iter().flat_map(|lights| lights.patches()));
         let rest = tracer(&rest, Settings { min_transmittance: counts.min_transmittance, ..interpolated })?;
         let lights = Lights::sample(&patches, LIGHT_SAMPLES);
-        let source = EnvironmentSource::Octree { whole, smooth, rest, lookups, beside, leaf_edge_m };
+        let source = EnvironmentSource::Octree { whole, smooth, rest, lookups, added, leaf_edge_m };
         Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
     }
 
@@ -139,20 +139,20 @@ impl Environment {
     /// Gathers radiance along cones; cones of one aperture should be adjacent. The distance to a map at infinity is
     /// infinite.
     pub fn gather(&self, part: LightPart, cones: &[Cone], samples: &mut Vec<ConeSample>) {
-        self.gather_room(part, cones, samples);
+        self.gather_without_added(part, cones, samples);
         if part == LightPart::All {
-            self.add_beside(cones, samples);
+            self.gather_added(cones, samples);
         }
     }
 
-    fn add_beside(&self, cones: &[Cone], samples: &mut [ConeSample]) {
-        if let EnvironmentSource::Octree { beside: Some(beside), .. } = &self.source {
-            beside.add(cones, samples);
+    fn gather_added(&self, cones: &[Cone], samples: &mut [ConeSample]) {
+        if let EnvironmentSource::Octree { added: Some(added), .. } = &self.source {
+            added.add(cones, samples);
         }
     }
 
     /// [`Environment::gather`] without lights outside of the octree.
-    fn gather_room(&self, part: LightPart, cones: &[Cone], samples: &mut Vec<ConeSample>) {
+    fn gather_without_added(&self, part: LightPart, cones: &[Cone], samples: &mut Vec<ConeSample>) {
         samples.clear();
         match &self.source {
             EnvironmentSource::Octree { smooth, rest, .. } => {
@@ -176,7 +176,7 @@ impl Environment {
 
     /// Returns the exitant radiance of real surfaces with highlights restored, averaged over about a leaf. It is zero
     /// for a map at infinity.
-    pub fn given_off(&self, surfaces: &[Surface]) -> Vec<Vec3> {
+    pub fn exitant_radiance(&self, surfaces: &[Surface]) -> Vec<Vec3> {
         let EnvironmentSource::Octree { smooth, leaf_edge_m, .. } = &self.source else {
             return vec![Vec3::ZERO; surfaces.len()];
         };
@@ -202,7 +202,7 @@ impl Environment {
     /// were lifted from, because the photo resolves finer surfaces than the octree's leaves. Distances are then from
     /// there.
     pub fn gather_reflected(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
-        self.gather_room(LightPart::All, cones, samples);
+        self.gather_without_added(LightPart::All, cones, samples);
         if let EnvironmentSource::Octree { lookups: Some(lookups), .. } = &self.source {
             if let Some(detail) = &lookups.detail {
                 detail.add(cones, samples);
@@ -212,13 +212,13 @@ impl Environment {
             }
             lookups.photo.sharpen_from(apexes, cones, samples);
         }
-        self.add_beside(cones, samples);
+        self.gather_added(cones, samples);
     }
 
     /// Returns the share of each ray that real surfaces do not occlude.
     pub fn unoccluded_share(&self, rays: &[LightRay], shares: &mut Vec<f32>) {
         shares.clear();
-        let EnvironmentSource::Octree { whole, beside, leaf_edge_m, .. } = &self.source else {
+        let EnvironmentSource::Octree { whole, added, leaf_edge_m, .. } = &self.source else {
             shares.resize(rays.len(), 1.0);
             return;
         };
@@ -232,11 +232,11 @@ impl Environment {
         shares.extend(rays.iter().zip(&samples).map(free));
         // Suns are outside of the room and have their own occluders.
         let to_sun = |ray: &LightRay| ray.distance_m.is_infinite();
-        if let Some(beside) = beside.as_ref().filter(|_| rays.iter().any(to_sun)) {
+        if let Some(added) = added.as_ref().filter(|_| rays.iter().any(to_sun)) {
             let sunny: Vec<usize> = (0..rays.len()).filter(|&i| to_sun(&rays[i])).collect();
             let cones: Vec<Cone> = sunny.iter().map(|&i| cones[i]).collect();
             let mut free = Vec::new();
-            beside.unoccluded_to_suns(&cones, sunny.iter().map(|&i| rays[i].place), &mut free);
+            added.unoccluded_to_suns(&cones, sunny.iter().map(|&i| rays[i].place), &mut free);
             sunny.iter().zip(free).for_each(|(&i, free)| shares[i] = free);
         }
     }

@@ -204,8 +204,8 @@ impl Gatherer<'_> {
                 let met = if above { self.objects.closest(&ray, f32::INFINITY) } else { None };
                 match met {
                     Some(ObjectHit { object, hit }) => {
-                        let given_off = |r: &[Radiosity]| r[object].radiance(&self.objects[object], &ray, &hit);
-                        let radiance = self.radiosity.map_or(Vec3::ZERO, given_off);
+                        let exitant_radiance = |r: &[Radiosity]| r[object].radiance(&self.objects[object], &ray, &hit);
+                        let radiance = self.radiosity.map_or(Vec3::ZERO, exitant_radiance);
                         gathered.add(radiance, direction, cosine, scales[index]);
                     }
                     None => {

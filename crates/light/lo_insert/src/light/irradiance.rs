@@ -182,7 +182,7 @@ impl RoomIrradiance {
             lit[i].lights += light * *share;
         }
         let surfaces: Vec<Surface> = pixels.iter().map(|(_, surface)| *surface).collect();
-        for (lit, radiance) in lit.iter_mut().zip(environment.given_off(&surfaces)) {
+        for (lit, radiance) in lit.iter_mut().zip(environment.exitant_radiance(&surfaces)) {
             lit.least = radiance * PI;
         }
         lit

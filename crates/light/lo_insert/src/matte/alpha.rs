@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::matte::colour_sides::ColourSides;
 use crate::matte::nearest::nearest_seeds;
-use crate::matte::walk::{UnknownPixel, walked};
+use crate::matte::walk::{UnknownPixel, solve_random_walk};
 use crate::objects::object::Object;
 use crate::surface::occluders::Occluders;
 
@@ -62,7 +62,7 @@ pub(crate) struct Matte {
     /// Hidden shares, row by row; NaN where depth alone decides. Empty if it does so everywhere.
     hidden: Vec<f32>,
     /// Photo pixels of soft edges with the occluder's colour, separated from the background.
-    pub fronts: Vec<((usize, usize), Vec3)>,
+    pub occluder_colours: Vec<((usize, usize), Vec3)>,
 }
 
 impl Matte {
@@ -77,7 +77,13 @@ impl Matte {
     ) -> Self {
         let band = (BAND.0 * occluders.depth_pixel).max(BAND.1);
         let view = View::new(camera, band, window);
-        let none = Self { left: view.left, top: view.top, width: view.width, hidden: Vec::new(), fronts: Vec::new() };
+        let none = Self {
+            left: view.left,
+            top: view.top,
+            width: view.width,
+            hidden: Vec::new(),
+            occluder_colours: Vec::new(),
+        };
         let Some(labels) = view.labels(object, occluders) else { return none };
         let Some(band) = Band::new(&view, labels, occluders) else { return none };
         let colours: Vec<Vec3> = (0..view.len())
@@ -87,17 +93,17 @@ impl Matte {
         let (open, links) = (band.open(&view, &colours), band.links(&view, &colours));
         let known =
             band.labels.iter().map(|(label, _)| if *label == TrimapLabel::Hidden { 1.0 } else { 0.0 }).collect();
-        let share = walked(known, view.width, &open, &links);
+        let share = solve_random_walk(known, view.width, &open, &links);
         let shares: Vec<f32> = share.iter().map(|share| (0.5 + CONTRAST * (share - 0.5)).clamp(0.0, 1.0)).collect();
         let front = |open: &UnknownPixel| {
             Some((view.photo_pixel(open.pixel), band.front(&view, &shares, &colours, open.pixel)?))
         };
-        let fronts = open.par_iter().filter_map(front).collect();
+        let occluder_colours = open.par_iter().filter_map(front).collect();
         let mut hidden = vec![f32::NAN; view.len()];
         for UnknownPixel { pixel, .. } in open {
             hidden[pixel] = shares[pixel];
         }
-        Self { hidden, fronts, ..none }
+        Self { hidden, occluder_colours, ..none }
     }
 
     /// Returns the share of a photo pixel in which real surfaces hide the object; `None` where depth alone decides.
@@ -275,7 +281,7 @@ impl Band {
 
     /// Returns the pixels that the photo decides, with the priors from depth and colours.
     fn open(&self, view: &View, colours: &[Vec3]) -> Vec<UnknownPixel> {
-        let depths = LabelDepths::new(view, &self.labels, &self.distances);
+        let depths = LabelDistances::new(view, &self.labels, &self.distances);
         // Certainty of a pixel, in [0, 1]: its distance from the step relative to the largest nearby on its side. The
         // middle of a thin pole is certain.
         let sure = |i: usize| {
@@ -368,7 +374,7 @@ impl Band {
 }
 
 /// Largest distances from the step of free and hidden pixels, by cells of a grid.
-struct LabelDepths {
+struct LabelDistances {
     cell: usize,
     columns: usize,
     rows: usize,
@@ -376,7 +382,7 @@ struct LabelDepths {
     farthest: Vec<[f32; 2]>,
 }
 
-impl LabelDepths {
+impl LabelDistances {
     fn new(view: &View, labels: &[(TrimapLabel, f32)], distances: &[f32]) -> Self {
         let cell = view.cell().div_ceil(2);
         let (columns, rows) = (view.width.div_ceil(cell), view.height.div_ceil(cell));

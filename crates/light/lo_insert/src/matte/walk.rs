@@ -17,7 +17,12 @@ pub(crate) struct UnknownPixel {
 /// over-relaxation; all other shares are fixed.
 ///
 /// `links` are the weights to the next pixel of the row and of the column; they are 0 beyond the grid.
-pub(crate) fn walked(mut share: Vec<f32>, width: usize, open: &[UnknownPixel], links: &[[f32; 2]]) -> Vec<f32> {
+pub(crate) fn solve_random_walk(
+    mut share: Vec<f32>,
+    width: usize,
+    open: &[UnknownPixel],
+    links: &[[f32; 2]],
+) -> Vec<f32> {
     for &UnknownPixel { pixel, prior, .. } in open {
         share[pixel] = prior;
     }
@@ -62,11 +67,11 @@ mod tests {
             (1..count - 1).map(|pixel| UnknownPixel { pixel, weight: 1e-7, prior: 0.5 }).collect();
         let mut ends = vec![0.0; count];
         ends[count - 1] = 1.0;
-        for (i, share) in walked(ends.clone(), count, &open, &links).into_iter().enumerate() {
+        for (i, share) in solve_random_walk(ends.clone(), count, &open, &links).into_iter().enumerate() {
             assert!((share - i as f32 / 20.0).abs() < 1e-3, "{i}: {share}");
         }
         links[7][0] = 0.01;
-        for (i, share) in walked(ends, count, &open, &links).into_iter().enumerate() {
+        for (i, share) in solve_random_walk(ends, count, &open, &links).into_iter().enumerate() {
             let resistance = |to: usize| to as f32 + if to > 7 { 99.0 } else { 0.0 };
             assert!((share - resistance(i) / resistance(20)).abs() < 1e-3, "{i}: {share}");
         }
@@ -77,7 +82,7 @@ mod tests {
         // Two pixels linked by w, with priors 0 and 1 of weight λ: α = w / (λ + 2 w), and 1 − α.
         let open = [0, 1].map(|pixel| UnknownPixel { pixel, weight: 3.0, prior: pixel as f32 });
         for (width, links) in [(2, [[0.5, 0.0], [0.0, 0.0]]), (1, [[0.0, 0.5], [0.0, 0.0]])] {
-            let found = walked(vec![0.3; 2], width, &open, &links);
+            let found = solve_random_walk(vec![0.3; 2], width, &open, &links);
             assert!((found[0] - 0.125).abs() < 1e-5 && (found[1] - 0.875).abs() < 1e-5, "{found:?}");
         }
     }

@@ -5,7 +5,7 @@ use lo_mesh::PreparedModel;
 const LOW: f32 = 0.02;
 
 /// Sample points along the longer side of the base.
-const SPOTS: usize = 9;
+const SAMPLES_PER_SIDE: usize = 9;
 
 /// Contact area of a model on a level surface: the convex hull of its lowest vertices, since feet also support the
 /// part between them.
@@ -44,11 +44,12 @@ impl Base {
     }
 
     /// Returns sample points over the base, as offsets from its centre in metres and the world's axes.
-    pub(crate) fn spots(&self, scale: f32, rotation: Quat) -> impl Iterator<Item = Vec3> {
+    pub(crate) fn sample_points(&self, scale: f32, rotation: Quat) -> impl Iterator<Item = Vec3> {
         let low = self.hull.iter().fold(Vec2::INFINITY, |low, &p| low.min(p));
         let high = self.hull.iter().fold(Vec2::NEG_INFINITY, |high, &p| high.max(p));
-        let pitch = (high - low).max_element() / SPOTS as f32;
-        let count = |length: f32| if pitch > 0.0 { ((length / pitch).round() as usize).clamp(1, SPOTS) } else { 1 };
+        let pitch = (high - low).max_element() / SAMPLES_PER_SIDE as f32;
+        let count =
+            |length: f32| if pitch > 0.0 { ((length / pitch).round() as usize).clamp(1, SAMPLES_PER_SIDE) } else { 1 };
         let (columns, rows) = (count(high.x - low.x), count(high.y - low.y));
         let place = move |i: usize| {
             let share = Vec2::new((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5)
@@ -57,8 +58,8 @@ impl Base {
         };
         (0..columns * rows)
             .map(place)
-            .filter(move |&spot| self.contains(spot, 0.25 * pitch))
-            .map(move |spot| rotation * Vec3::new(spot.x, 0.0, spot.y) * scale)
+            .filter(move |&point| self.contains(point, 0.25 * pitch))
+            .map(move |point| rotation * Vec3::new(point.x, 0.0, point.y) * scale)
     }
 }
 
@@ -123,18 +124,21 @@ mod tests {
         assert!(base.contains(Vec2::ZERO, 0.0) && base.contains(Vec2::new(0.99, 0.49), 0.0));
         assert!(!base.contains(Vec2::new(1.1, 0.0), 0.0) && base.contains(Vec2::new(1.1, 0.0), 0.11));
         // Rotated by a quarter turn and half as large; the rim of the hull is 1 × 0.5 m.
-        let spots: Vec<Vec3> = base.spots(0.5, Quat::from_rotation_y(std::f32::consts::FRAC_PI_2)).collect();
-        assert!(spots.len() > 30 && spots.iter().all(|s| s.x.abs() < 0.25 && s.z.abs() < 0.5 && s.y == 0.0));
-        assert!(spots.iter().any(|s| s.z.abs() > 0.4) && spots.iter().sum::<Vec3>().length() < 1e-3);
+        let sample_points: Vec<Vec3> =
+            base.sample_points(0.5, Quat::from_rotation_y(std::f32::consts::FRAC_PI_2)).collect();
+        assert!(
+            sample_points.len() > 30 && sample_points.iter().all(|s| s.x.abs() < 0.25 && s.z.abs() < 0.5 && s.y == 0.0)
+        );
+        assert!(sample_points.iter().any(|s| s.z.abs() > 0.4) && sample_points.iter().sum::<Vec3>().length() < 1e-3);
     }
 
     #[test]
     fn a_ball_stands_on_a_spot_and_a_line_on_a_line() {
         let line = Base { hull: convex_hull(vec![Vec2::new(-1.0, 0.0), Vec2::new(1.0, 0.0), Vec2::new(1.0, 0.0)]) };
         assert!(line.contains(Vec2::new(0.5, 0.1), 0.11) && !line.contains(Vec2::new(0.5, 0.2), 0.11));
-        assert_eq!(line.spots(1.0, Quat::IDENTITY).count(), SPOTS);
+        assert_eq!(line.sample_points(1.0, Quat::IDENTITY).count(), SAMPLES_PER_SIDE);
         let point = Base { hull: convex_hull(vec![Vec2::ONE]) };
-        assert_eq!(point.spots(1.0, Quat::IDENTITY).collect::<Vec<_>>(), [Vec3::new(1.0, 0.0, 1.0)]);
-        assert_eq!(Base { hull: Vec::new() }.spots(1.0, Quat::IDENTITY).count(), 0);
+        assert_eq!(point.sample_points(1.0, Quat::IDENTITY).collect::<Vec<_>>(), [Vec3::new(1.0, 0.0, 1.0)]);
+        assert_eq!(Base { hull: Vec::new() }.sample_points(1.0, Quat::IDENTITY).count(), 0);
     }
 }

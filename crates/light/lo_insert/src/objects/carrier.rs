@@ -32,7 +32,7 @@ impl Placement {
     pub fn on_object(
         self,
         carrier: &Instance,
-        spot: Anchor,
+        anchor: Anchor,
         base: &Base,
         camera: &Camera,
     ) -> Result<Self, InsertError> {
@@ -42,7 +42,7 @@ impl Placement {
             let top = Plane::through(object.centre_m + up * (1.01 * object.radius_m), up);
             point - up * top.signed_distance_m(point)
         };
-        let from_m = match spot {
+        let from_m = match anchor {
             Anchor::Middle => above_all(object.centre_m),
             Anchor::Below(point) => point,
             Anchor::Pixel(u, v) => {
@@ -57,12 +57,12 @@ impl Placement {
             }
         };
         let placed = Self { up, support: carrier.placement.support, ..self };
-        let fall_m = |spot: Vec3| {
-            let ray = Ray { origin: from_m + spot, direction: -up };
+        let fall_m = |offset_m: Vec3| {
+            let ray = Ray { origin: from_m + offset_m, direction: -up };
             object.closest(&ray, f32::INFINITY).map(|hit| hit.distance_m)
         };
-        let spots = base.spots(placed.scale, placed.rotation()).chain([Vec3::ZERO]);
-        let fall_m = spots
+        let sample_points = base.sample_points(placed.scale, placed.rotation()).chain([Vec3::ZERO]);
+        let fall_m = sample_points
             .filter_map(fall_m)
             .reduce(f32::min)
             .ok_or(InsertError::NotCarried("the carrier is not below the object"))?;
@@ -71,7 +71,7 @@ impl Placement {
 
     /// Returns the placement moved and rotated with its carrier, which moved from one placement to another.
     #[must_use]
-    pub fn carried(self, from: &Self, to: &Self) -> Self {
+    pub fn moved_with_carrier(self, from: &Self, to: &Self) -> Self {
         let turned = to.rotation() * from.rotation().conjugate();
         let position_m = to.position_m + turned * (self.position_m - from.position_m) * (to.scale / from.scale);
         let yaw_rad = self.yaw_rad + to.yaw_rad - from.yaw_rad;

@@ -222,7 +222,9 @@ impl Layout {
         for (i, (object, model)) in self.objects.iter().zip(models).enumerate() {
             let carrier = object.on.as_deref().and_then(|on| self.objects[..i].iter().position(|o| o.name() == on));
             let placed = match carrier {
-                Some(carrier) => object.carried(ground.estimate, model, models[carrier], &placements[carrier]),
+                Some(carrier) => {
+                    object.placements_on_carrier(ground.estimate, model, models[carrier], &placements[carrier])
+                }
                 None => object.placements(ground, model, times_s),
             };
             placements.push(placed.map_err(|error| error.of(i))?);
@@ -312,7 +314,7 @@ impl LayoutObject {
     }
 
     /// Returns the placements of an object that moves with its carrier.
-    fn carried(
+    fn placements_on_carrier(
         &self,
         scene: &Estimate,
         model: &PreparedModel,
@@ -320,18 +322,18 @@ impl LayoutObject {
         places: &[Placement],
     ) -> Result<Vec<Placement>, InsertError> {
         let Some(&first) = places.first() else { return Ok(Vec::new()) };
-        let spot = match (self.position_m, self.pixel) {
+        let anchor = match (self.position_m, self.pixel) {
             (Some(position_m), _) => Anchor::Below(point(position_m)),
             (None, Some([u, v])) => Anchor::Pixel(u, v),
             (None, None) => Anchor::Middle,
         };
         let placed = first.scaled(self.scale_of(model)?).turned(self.yaw_rad()).on_object(
             &Instance::new(carrier, first),
-            spot,
+            anchor,
             &Base::new(model),
             &scene.frame.camera,
         )?;
-        Ok(places.iter().map(|place| placed.carried(&first, place)).collect())
+        Ok(places.iter().map(|place| placed.moved_with_carrier(&first, place)).collect())
     }
 }
 

@@ -34,7 +34,7 @@ pub(crate) fn patches(objects: &Objects, count: usize) -> Vec<Patch> {
 }
 
 /// Lights the patches and returns the radiosity of each object. A gatherer with an earlier radiosity adds one bounce.
-pub(crate) fn lit(gatherer: &Gatherer, patches: &[Patch]) -> Vec<Radiosity> {
+pub(crate) fn radiosity(gatherer: &Gatherer, patches: &[Patch]) -> Vec<Radiosity> {
     let receivers: Vec<Receiver> = patches.iter().map(|patch| patch.receiver).collect();
     let gathered = gatherer.gather_parallel(&receivers);
     let mut radiosity: Vec<Radiosity> = gatherer.objects.iter().map(Radiosity::dark).collect();

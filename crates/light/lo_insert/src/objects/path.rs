@@ -134,10 +134,10 @@ impl Path {
     pub fn placements<'a>(
         &self,
         ground: impl Into<Ground<'a>>,
-        stance: &PathPlacement,
+        options: &PathPlacement,
         frames: usize,
     ) -> Result<Vec<Placement>, InsertError> {
-        self.placements_at(ground, stance, &frame_times_s(self.span_s()?, frames))
+        self.placements_at(ground, options, &frame_times_s(self.span_s()?, frames))
     }
 
     /// Returns the placements at given times in seconds. Before the first keyframe and after the last one the object
@@ -148,12 +148,12 @@ impl Path {
     pub fn placements_at<'a>(
         &self,
         ground: impl Into<Ground<'a>>,
-        stance: &PathPlacement,
+        options: &PathPlacement,
         times_s: &[f64],
     ) -> Result<Vec<Placement>, InsertError> {
         self.check()?;
         let ground = ground.into();
-        let keys = self.keyframes.iter().map(|key| stance.at_key(ground, key)).collect::<Result<Vec<_>, _>>()?;
+        let keys = self.keyframes.iter().map(|key| options.at_key(ground, key)).collect::<Result<Vec<_>, _>>()?;
         Ok(times_s.iter().map(|&time_s| self.placement_at(&keys, time_s)).collect())
     }
 

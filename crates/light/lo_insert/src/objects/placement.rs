@@ -145,9 +145,10 @@ impl Placement {
     /// Returns the heights over the base of the readings below it that may belong to the supporting surface.
     fn heights_below(&self, ground: Ground<'_>, base: &Base) -> Vec<f32> {
         let rotation = self.rotation();
-        let spots = base.spots(self.scale, rotation).map(|spot| self.position_m + spot).chain([self.position_m]);
-        let spots: Vec<Vec3> = spots.collect();
-        let map = ground.around(&spots);
+        let sample_points =
+            base.sample_points(self.scale, rotation).map(|point| self.position_m + point).chain([self.position_m]);
+        let sample_points: Vec<Vec3> = sample_points.collect();
+        let map = ground.around(&sample_points);
         let local_from_world = rotation.conjugate();
         let reach_m = self.patch_reach_m(ground.estimate);
         let least_cosine = PREDICTED_STANDING_DEG.to_radians().cos();
@@ -159,7 +160,7 @@ impl Placement {
             let inside = || base.contains(Vec2::new(offset.x, offset.z) / self.scale, pitch_m / self.scale);
             (carries && inside()).then_some(offset.y)
         };
-        let (columns, rows) = map.window(&spots);
+        let (columns, rows) = map.window(&sample_points);
         rows.flat_map(|y| columns.clone().map(move |x| (x, y))).filter_map(below).collect()
     }
 

@@ -26,7 +26,7 @@ pub(crate) struct Blocks {
 }
 
 /// Light at a fragment.
-pub(crate) struct Light {
+pub(crate) struct FragmentLight {
     pub irradiance: Vec3,
     /// See [`Gathered::highlights`].
     pub highlights: Vec3,
@@ -74,17 +74,21 @@ impl Blocks {
         materials: &[FragmentMaterial],
         gathered: &[Gathered],
         reflected: &[Vec3],
-    ) -> Light {
+    ) -> FragmentLight {
         if self.stride == 1 {
             let own = &gathered[index];
-            return Light { irradiance: own.irradiance, highlights: own.highlights, reflected: reflected[index] };
+            return FragmentLight {
+                irradiance: own.irradiance,
+                highlights: own.highlights,
+                reflected: reflected[index],
+            };
         }
         if !materials[index].gathers() && !materials[index].shares_reflection {
-            return Light { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: reflected[index] };
+            return FragmentLight { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: reflected[index] };
         }
         let fragment = &fragments[index];
         let per_pixel = 1.0 / (1.5 * self.stride as f32);
-        let mut sum = Light { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: Vec3::ZERO };
+        let mut sum = FragmentLight { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: Vec3::ZERO };
         let mut total = 0.0;
         let (column, row) = (fragment.pixel.0 / self.stride, fragment.pixel.1 / self.stride);
         let (column, row) = (column - self.first_block.0, row - self.first_block.1);
@@ -118,7 +122,7 @@ impl Blocks {
         // The block's own source is less than a block away, so there is always one.
         let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
         let shared = materials[index].shares_reflection;
-        Light {
+        FragmentLight {
             irradiance: sum.irradiance * scale,
             highlights: sum.highlights * scale,
             reflected: if shared { sum.reflected * scale } else { reflected[index] },

@@ -81,7 +81,7 @@ pub(crate) enum AdaptiveCoverage {
 }
 
 /// Casts the camera's rays.
-pub(crate) struct Viewer<'a> {
+pub(crate) struct RayCaster<'a> {
     /// Camera in pixels of the photo.
     pub camera: Camera,
     pub objects: &'a Objects<'a>,
@@ -95,7 +95,7 @@ pub(crate) struct Viewer<'a> {
 
 /// Result of the ray through a pixel's centre, for comparison with its neighbours.
 #[derive(Clone, Copy)]
-struct Probe {
+struct CentreSample {
     met: ObjectHit,
     ray: Ray,
     depth_m: f32,
@@ -103,16 +103,18 @@ struct Probe {
     hidden: f32,
 }
 
-impl Viewer<'_> {
+impl RayCaster<'_> {
     /// Renders the tile of pixels from `(left, top)` to `(right, bottom)`, exclusive.
     pub fn tile(&self, (left, top, right, bottom): (usize, usize, usize, usize)) -> TileView {
         let mut view = TileView::default();
         let (columns, rows) = (right - left, bottom - top);
         let stride = columns + 2;
         let by_neighbours = self.adaptive_coverage == AdaptiveCoverage::InsideOutline;
-        let probes: Vec<Option<Probe>> = if by_neighbours {
+        let probes: Vec<Option<CentreSample>> = if by_neighbours {
             (0..stride * (rows + 2))
-                .map(|i| self.probe(left as f64 + (i % stride) as f64 - 0.5, top as f64 + (i / stride) as f64 - 0.5))
+                .map(|i| {
+                    self.centre_sample(left as f64 + (i % stride) as f64 - 0.5, top as f64 + (i / stride) as f64 - 0.5)
+                })
                 .collect()
         } else {
             Vec::new()
@@ -132,10 +134,10 @@ impl Viewer<'_> {
                         .all(alike);
                 match probes[centre] {
                     _ if !uniform => self.pixel(pixel, self.samples.len(), &mut view),
-                    Some(Probe { met, hidden: 1.0, .. }) => {
+                    Some(CentreSample { met, hidden: 1.0, .. }) => {
                         view.hidden.push(Hidden { pixel, share: 1.0, object: met.object });
                     }
-                    Some(Probe { met, ray, hidden, .. }) if !self.objects[met.object].has_blend => {
+                    Some(CentreSample { met, ray, hidden, .. }) if !self.objects[met.object].has_blend => {
                         let first = view.fragments.len();
                         self.add_fragment(pixel, &ray, &met, 1.0 - hidden, first, &mut view);
                         if hidden > 0.0 {
@@ -150,13 +152,13 @@ impl Viewer<'_> {
         view
     }
 
-    fn probe(&self, u: f64, v: f64) -> Option<Probe> {
+    fn centre_sample(&self, u: f64, v: f64) -> Option<CentreSample> {
         let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
         let met = self.objects.seen(&ray, 0.0)?;
         let point = ray.at(met.hit.distance_m);
         let edge = self.edge(met.object, (u as usize, v as usize));
         let hidden = edge.unwrap_or_else(|| self.hidden(met.object, u, v, point));
-        Some(Probe { met, ray, depth_m: -point.z, hidden })
+        Some(CentreSample { met, ray, depth_m: -point.z, hidden })
     }
 
     fn pixel(&self, pixel: (usize, usize), samples: usize, view: &mut TileView) {
@@ -313,7 +315,7 @@ pub(crate) fn seen_window(camera: &Camera, object: &Object) -> Option<(usize, us
     (window.0 < window.2 && window.1 < window.3).then_some(window)
 }
 
-fn alike(a: Option<Probe>, b: Option<Probe>) -> bool {
+fn alike(a: Option<CentreSample>, b: Option<CentreSample>) -> bool {
     match (a, b) {
         (None, None) => true,
         (Some(a), Some(b)) => {

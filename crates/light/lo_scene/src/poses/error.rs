@@ -31,7 +31,7 @@ pub enum PoseError {
     Content {
         /// Name of the file.
         file: String,
-        /// What is invalid, and where.
+        /// Description of the error and its location.
         what: String,
     },
     /// The cameras are not pinhole cameras.
@@ -79,7 +79,7 @@ pub enum PoseError {
         file: String,
         /// Name of the pose.
         pose: String,
-        /// What is invalid.
+        /// Description of the error.
         what: String,
     },
     /// The number of pose files is neither one nor the number of photos.
@@ -105,7 +105,7 @@ pub enum PoseError {
         file: String,
         /// Path of the photo.
         photo: String,
-        /// How photos are matched with poses in files of this format.
+        /// Rule by which photos are matched with poses in this format.
         rule: &'static str,
     },
     /// A photo has several poses.
@@ -152,7 +152,7 @@ pub enum PoseError {
         file: String,
         /// Path of the photo.
         photo: String,
-        /// What is invalid.
+        /// Description of the error.
         source: lo_geometry::CameraError,
     },
 }
