@@ -14,7 +14,7 @@ use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceIma
 use lightoctree::octree::{Provenance, LightOctree, RadiancePoint};
 use lightoctree::scene::{
     AnalyticLight, Completion, EmitterEdit, ExpectedLight, Frame, LightChange, LightColor, LightEdits, LightShape,
-    Estimate, EstimateOrigin, ObjectsShown, Room, RoomPlane, SceneFile, SceneObjects, Side,
+    Estimate, EstimateOrigin, ObjectDisplay, Room, RoomPlane, SceneFile, SceneObjects, Side,
 };
 use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 
@@ -124,7 +124,7 @@ fn scenes(folder: &Path) -> Result {
         let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
         let sources = vec!["photo.jpg".to_owned()];
         let origin = EstimateOrigin { completion: Completion::Shell, sources, ..EstimateOrigin::default() };
-        let plain = SceneFile::from(Estimate { room: Some(room), origin, ..Estimate::as_seen(light, frame) });
+        let plain = SceneFile::from(Estimate { room: Some(room), origin, ..Estimate::observed_only(light, frame) });
         plain.write(&folder.join(format!("{name}.scene")), "seeds")?;
         let edited = SceneFile { light_edits: light_edits(name == "srgb8")?, ..plain };
         edited.write(&folder.join(format!("{name}_edited.scene")), "seeds")?;
@@ -149,7 +149,7 @@ fn objects() -> SceneObjects {
     SceneObjects {
         layout: layout.to_owned(),
         files: [file("a.obj", obj), file("a.obj/a.mtl", "newmtl red\nKd 1 0 0\n")].into(),
-        shown: ObjectsShown { floor_gloss: 0.5, frames: Some(3), fps: 12, time_s: 0.5 },
+        shown: ObjectDisplay { floor_gloss: 0.5, frames: Some(3), fps: 12, time_s: 0.5 },
     }
 }
 

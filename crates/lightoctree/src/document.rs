@@ -8,7 +8,7 @@ use lo_insert::{Layout, PathSource};
 use lo_lights::ListedLight;
 use lo_mesh::{LoadOptions, Model};
 use lo_scene::{
-    Estimate, GuessedLight, LightEdits, LightMode, LightTuning, LitScene, ObjectsShown, SceneError, SceneFile,
+    Estimate, GuessedLight, LightEdits, LightMode, LightTuning, LitScene, ObjectDisplay, SceneError, SceneFile,
     SceneObjects,
 };
 
@@ -38,7 +38,7 @@ pub struct Document {
     /// Files of the objects' meshes by name; `car.obj/car.mtl` is the file `car.mtl` that `car.obj` refers to.
     pub meshes: BTreeMap<String, Arc<[u8]>>,
     /// How the objects are shown.
-    pub shown: ObjectsShown,
+    pub shown: ObjectDisplay,
 }
 
 /// What light is needed for.
@@ -84,7 +84,7 @@ impl Document {
             light_edits: LightEdits::default(),
             layout: None,
             meshes: BTreeMap::new(),
-            shown: ObjectsShown::default(),
+            shown: ObjectDisplay::default(),
         }
     }
 

@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::Context;
 use lightoctree::geometry::Camera;
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Photo, ToneCurve};
-use lightoctree::insert::{self, Align, Base, Inserter, Instance, Lighting, Placement, Quality, Stance};
+use lightoctree::insert::{self, Align, Base, Inserter, Instance, Lighting, PathPlacement, Placement, Quality};
 use lightoctree::mesh::{MaterialSpec, PreparedModel};
 use lightoctree::scene::Frame;
 use lightoctree::{Document, Estimate, EstimateOptions, Estimator, Input, LightPurpose, LitScene, SceneRenderer};
@@ -183,7 +183,7 @@ fn insert_objects(
         imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
         files.push(file);
     }
-    let stance = Stance { scale, base: Some(&object_base), ..Stance::default() };
+    let stance = PathPlacement { scale, base: Some(&object_base), ..PathPlacement::default() };
     let placements = insert::Path::from_json(PATH)?.placements(scene, &stance, FRAMES)?;
     let draft = stages.stage("prepare light for drafts", || Inserter::new(scene, Lighting::Octree, Quality::Draft))?;
     let begun = Instant::now();

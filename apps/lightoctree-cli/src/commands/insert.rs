@@ -9,7 +9,7 @@ use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
 use lightoctree::insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lightoctree::mesh::Material;
-use lightoctree::scene::ObjectsShown;
+use lightoctree::scene::ObjectDisplay;
 use lightoctree::{Event, LightPurpose, LitScene, Models, Warning};
 use serde_json::json;
 
@@ -311,7 +311,7 @@ fn kept(composite: Composite, with_layers: bool) -> Composite {
 }
 
 /// Number of pictures.
-fn frames(args: &Args, layout: &Layout, own: Option<ObjectsShown>) -> anyhow::Result<usize> {
+fn frames(args: &Args, layout: &Layout, own: Option<ObjectDisplay>) -> anyhow::Result<usize> {
     // A scene's own objects bring theirs.
     let own = own.zip(layout.span_s()?).map(|(shown, span_s)| shown.frames_between(span_s));
     match (args.frames.or(own), layout.objects().iter().find(|object| object.path.is_some())) {

@@ -270,13 +270,13 @@ fn set(document: &mut Document, args: &SetArgs) -> anyhow::Result<()> {
     if args.at.is_some() && light.kind == LightKind::Sun {
         return Err(Usage(format!("--at: {} is a sun, which is infinitely far away", args.id)).into());
     }
-    check(change.wrong())?;
+    check(change.invalid_field())?;
     let found_at_m = light.position_m.unwrap_or(Vec3::ZERO);
     if document.light_edits.change(&args.id, found_at_m, change) { Ok(()) } else { Err(full()) }
 }
 
 fn add(document: &mut Document, light: AnalyticLight) -> anyhow::Result<()> {
-    check(light.wrong())?;
+    check(light.invalid_field())?;
     document.light_edits.add(light).map(|_| ()).ok_or_else(full)
 }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::Vec3;
-use lightoctree::insert::{self, Stance};
+use lightoctree::insert::{self, PathPlacement};
 use lightoctree::{Cancelled, Estimate, LightPurpose};
 use serde_json::json;
 
@@ -161,7 +161,7 @@ fn probes(args: &Args, estimate: &Estimate) -> anyhow::Result<Vec<Probe>> {
     } else if let (Some(path), Some(frames)) = (&args.path, args.frames) {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
         let path = insert::Path::from_json(&text).with_context(|| format!("{}", path.display()))?;
-        let placements = path.placements(estimate, &Stance::default(), frames as usize)?;
+        let placements = path.placements(estimate, &PathPlacement::default(), frames as usize)?;
         numbered(placements.into_iter().map(|placement| placement.position_m).collect())
     } else if let Some(path) = &args.points {
         read_points(path)?

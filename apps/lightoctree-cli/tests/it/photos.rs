@@ -169,9 +169,9 @@ fn bad_sets_of_photos_end_in_a_clear_line() {
     let metadata = std::fs::read_to_string(path.join("metadata.json")).unwrap();
     let write = |name: &str, text: String| std::fs::write(path.join(name), text).unwrap();
     write("far.json", metadata.replacen("[0,0,0,1,5,", "[0,0,0,1,500,", 1));
-    refused(1, &with(&["--poses", "far.json"]), "m apart by their poses");
+    refused(1, &with(&["--poses", "far.json"]), "m apart, more than the largest room");
     write("turned.json", metadata.replace(r#""w":72,"h":96"#, r#""w":96,"h":72"#));
-    refused(1, &with(&["--poses", "turned.json"]), "was the photo turned or cut");
+    refused(1, &with(&["--poses", "turned.json"]), "was the photo rotated or cropped");
     // The second photo under the first one's pose, with depths that are too large: the same places at other depths.
     let rows = metadata.split_once("[[").unwrap().1;
     let rows: Vec<&str> = rows.trim_end_matches("]]}").split("],[").collect();

@@ -5,7 +5,7 @@ use lo_events::{OnEvent, Stage, Warning, stage, warn};
 use lo_geometry::{Cube, Vec3};
 use lo_nets::{CompletedLight, Networks, ObservedRoom};
 use lo_octree::{LightOctree, RadiancePoint};
-use lo_scene::{Room, SeenPhoto, Surfel, place_cube};
+use lo_scene::{ObservedPhoto, Room, Surfel, place_cube};
 
 use crate::view::{View, srgb8};
 use crate::{EstimateError, EstimateOptions, SeenFrame};
@@ -44,14 +44,14 @@ pub(crate) fn by_network(
 }
 
 /// What the photo saw, and nothing else.
-pub(crate) fn as_seen(
+pub(crate) fn observed_only(
     view: &View,
     octree_depth: u32,
     options: &EstimateOptions,
     on_event: OnEvent<'_>,
 ) -> Result<Completed, EstimateError> {
     let (points, cube) = stage(on_event, Stage::Completion, || {
-        let surfels: Vec<Surfel> = view.seen_photos().iter().flat_map(SeenPhoto::surfels).collect();
+        let surfels: Vec<Surfel> = view.seen_photos().iter().flat_map(ObservedPhoto::surfels).collect();
         let positions: Vec<Vec3> = surfels.iter().map(|surfel| surfel.position_m).collect();
         let points: Vec<RadiancePoint> = surfels.into_iter().map(RadiancePoint::from).collect();
         (points, place_cube(&positions))

@@ -7,7 +7,7 @@ use lo_nets::checkpoint::CheckpointError;
 use lo_octree::check_depths;
 use lo_scene::{Completion, Estimate, EstimateOrigin, ExpectedLight, Frame};
 
-use crate::completed::{Completed, as_seen, by_network, closed};
+use crate::completed::{Completed, by_network, closed, observed_only};
 use crate::panorama::laid;
 use crate::view::View;
 use crate::{DEFAULT_OCTREE_DEPTH, EstimateError, EstimateOptions, Input};
@@ -81,7 +81,7 @@ impl Estimator {
         let mut completed = match completion {
             How::Network(networks) => by_network(&view, networks, octree_depth, options, on_event)?,
             How::Shell => closed(&view, octree_depth, options, on_event)?,
-            How::None => as_seen(&view, octree_depth, options, on_event)?,
+            How::None => observed_only(&view, octree_depth, options, on_event)?,
         };
         let panorama = prior.map(|prior| laid(&mut completed, prior, &view.working, on_event)).transpose()?;
         let up = completed.room.as_ref().map(|room| room.up);
@@ -100,7 +100,7 @@ impl Estimator {
             predicted_depth,
             depth_model,
         };
-        let observed = Estimate::as_seen(light, frame);
+        let observed = Estimate::observed_only(light, frame);
         Ok(Estimate { room, confidence, expected, panorama, other_photos, origin, ..observed })
     }
 

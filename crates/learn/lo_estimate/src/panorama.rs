@@ -3,7 +3,7 @@
 use lo_completion::{MIN_CONFIDENCE, PanoramaPrior, apply_panorama, match_panorama};
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
 use lo_geometry::{Quat, Vec3};
-use lo_scene::{Frame, LaidPanorama, PanoramaPicture};
+use lo_scene::{Frame, PanoramaContribution, PanoramaImage};
 
 use crate::EstimateError;
 use crate::completed::Completed;
@@ -14,7 +14,7 @@ pub(crate) fn laid(
     prior: &PanoramaPrior,
     working: &Frame,
     on_event: OnEvent<'_>,
-) -> Result<LaidPanorama, EstimateError> {
+) -> Result<PanoramaContribution, EstimateError> {
     prior.warnings().into_iter().try_for_each(|warning| warn(on_event, warning))?;
     let up = completed.room.as_ref().map_or(Vec3::Y, |room| room.up);
     let found = stage(on_event, Stage::PanoramaMatch, || match_panorama(prior, working, up))?;
@@ -29,6 +29,6 @@ pub(crate) fn laid(
         apply_panorama(&mut completed.light, completed.confidence.as_mut(), prior, &found, working)
     })??;
     let radiance = prior.radiance().map(|rgb| rgb.map(|c| c * found.exposure));
-    let picture = PanoramaPicture::new(&radiance, Quat::from_mat3(&found.world_from_panorama));
-    Ok(LaidPanorama { source, share: laid.share, picture: Some(picture) })
+    let picture = PanoramaImage::new(&radiance, Quat::from_mat3(&found.world_from_panorama));
+    Ok(PanoramaContribution { source, share: laid.share, image: Some(picture) })
 }

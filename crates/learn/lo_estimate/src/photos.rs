@@ -3,7 +3,7 @@
 use lo_events::{Figure, OnEvent, Stage, Warning, figures, stage, warn};
 use lo_geometry::RigidTransform;
 use lo_nets::light::{VisiblePoint, ambient_light};
-use lo_scene::{Overlap, PosedFrame, SeenPhoto, overlap};
+use lo_scene::{ObservedPhoto, Overlap, PosedFrame, overlap};
 
 use crate::{EstimateError, Exposures};
 
@@ -82,8 +82,8 @@ struct Pair {
 }
 
 fn pairs(working: &[PosedFrame]) -> Vec<Pair> {
-    let seen: Vec<SeenPhoto> =
-        working.iter().map(|photo| SeenPhoto::new(&photo.frame, photo.first_from_camera)).collect();
+    let seen: Vec<ObservedPhoto> =
+        working.iter().map(|photo| ObservedPhoto::new(&photo.frame, photo.first_from_camera)).collect();
     let all = (0..seen.len()).flat_map(|i| (i + 1..seen.len()).map(move |j| [i, j]));
     all.filter_map(|photos| Some(Pair { photos, overlap: overlap(&seen[photos[0]], &seen[photos[1]])? })).collect()
 }

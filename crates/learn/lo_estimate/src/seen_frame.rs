@@ -4,7 +4,7 @@ use lo_completion::{Enclosure, ShellOptions};
 use lo_geometry::{Camera, Cube, RigidTransform, Vec3};
 use lo_imaging::Image;
 use lo_nets::light::{PhotoView, VisiblePoint};
-use lo_scene::{Frame, Room, SeenPhoto, Surfel, place_cube};
+use lo_scene::{Frame, ObservedPhoto, Room, Surfel, place_cube};
 
 /// What the light network is told of a frame, or of several, in estimation and in training alike.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,11 +45,12 @@ impl SeenFrame {
         up: Option<Vec3>,
         normals: Option<&Image<Option<Vec3>>>,
     ) -> Option<Self> {
-        let mut seen: Vec<SeenPhoto> = photos.iter().map(|(frame, pose)| SeenPhoto::new(frame, *pose)).collect();
+        let mut seen: Vec<ObservedPhoto> =
+            photos.iter().map(|(frame, pose)| ObservedPhoto::new(frame, *pose)).collect();
         if let Some((first, told)) = seen.first_mut().zip(normals) {
-            first.believe(told);
+            first.override_normals(told);
         }
-        let surfels: Vec<Surfel> = seen.iter().flat_map(SeenPhoto::surfels).collect();
+        let surfels: Vec<Surfel> = seen.iter().flat_map(ObservedPhoto::surfels).collect();
         if surfels.is_empty() {
             return None;
         }
@@ -64,7 +65,7 @@ impl SeenFrame {
         if each.len() > 1 {
             drop_clipped(&mut each, cube);
         }
-        let view = |(seen, points): (&SeenPhoto, &Vec<VisiblePoint>)| PhotoView {
+        let view = |(seen, points): (&ObservedPhoto, &Vec<VisiblePoint>)| PhotoView {
             camera: seen.clean.camera,
             camera_from_world: seen.first_from_camera.inverse(),
             points: points.len(),
@@ -76,8 +77,8 @@ impl SeenFrame {
 }
 
 /// What a photo shows, in the first photo's axes.
-fn visible_points(photo: &SeenPhoto, working: &Frame, enclosure: &Enclosure, cube: Cube) -> Vec<VisiblePoint> {
-    let SeenPhoto { clean, normals, radiance, first_from_camera } = photo;
+fn visible_points(photo: &ObservedPhoto, working: &Frame, enclosure: &Enclosure, cube: Cube) -> Vec<VisiblePoint> {
+    let ObservedPhoto { clean, normals, radiance, first_from_camera } = photo;
     let clipped = clean.clipped();
     let complete = working.depth_m.pixels().iter().all(|&z| z > 0.0);
     let filled_m = if complete { clean.depth_m.clone() } else { enclosure.filled_depth_m(photo) };

@@ -134,7 +134,7 @@ mod tests {
             (light * (0.5 / PI)).to_array()
         });
         let depth_m = DepthMap::from_fn(width, height, |x, y| -shown(x, y).z);
-        Arc::new(Estimate::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap()))
+        Arc::new(Estimate::observed_only(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap()))
     }
 
     #[test]

@@ -158,7 +158,7 @@ fn assert_seen(scene: &Estimate, pixels: &[(usize, usize)]) {
 fn what_the_photo_saw_is_in_the_scene() {
     // Weights that want to change everything.
     let (scene, events) =
-        estimated(wall(), &estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.5)]));
+        estimated(wall(), &estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 9], 0.5)]));
     let frame = &scene.frame;
     assert_eq!((&frame.photo, scene.origin.completion, scene.light.octree.depth()), (&photo(), Completion::Network, 7));
     // A leaf is 6 cm: four pixels.
@@ -195,7 +195,7 @@ fn a_window_without_depth_readings_lies_in_the_wall() {
 fn objects_get_the_light_that_what_is_seen_asks_for() {
     // Weights that make what is not seen dark, in both guesses.
     let others: [(&str, &[usize], f32); 2] =
-        [("light_net.regression.3.output.bias", &[1, 8], -4.0), ("depth_net.panorama.output.bias", &[3], -9.0)];
+        [("light_net.regression.3.output.bias", &[1, 9], -4.0), ("depth_net.panorama.output.bias", &[3], -9.0)];
     let dark = estimator(&config(), &others);
     let (before, _) = estimated(wall(), &dark);
     let (scene, report) = plausible(&Arc::new(before.clone()));
@@ -210,7 +210,7 @@ fn objects_get_the_light_that_what_is_seen_asks_for() {
 #[test]
 fn the_same_photo_gives_the_same_bytes_on_any_number_of_threads() {
     // Untrained heads give the same whatever they are given.
-    let estimator = estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.1)]);
+    let estimator = estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 9], 0.1)]);
     let run = |threads, seed| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let options = EstimateOptions { seed, ..options() };

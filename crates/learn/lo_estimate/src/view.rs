@@ -5,7 +5,7 @@ use lo_events::{OnEvent, Stage, Warning, stage, warn};
 use lo_geometry::{Camera, PerspectiveFit, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, srgb8_from_linear};
 use lo_nets::{GlobalLight, Networks, PhotoPrediction};
-use lo_scene::{Frame, OtherPhoto, PosedFrame, SeenPhoto, Surfel, working_photo};
+use lo_scene::{Frame, ObservedPhoto, OtherPhoto, PosedFrame, Surfel, working_photo};
 
 use crate::photos::{Together, together};
 use crate::{EstimateError, Exposures, Input, PredictedDepth};
@@ -71,11 +71,11 @@ impl View {
     }
 
     /// All photos as completion looks at them.
-    pub fn seen_photos(&self) -> Vec<SeenPhoto> {
-        let mut seen: Vec<SeenPhoto> =
-            self.photos().into_iter().map(|(frame, pose)| SeenPhoto::new(frame, pose)).collect();
+    pub fn seen_photos(&self) -> Vec<ObservedPhoto> {
+        let mut seen: Vec<ObservedPhoto> =
+            self.photos().into_iter().map(|(frame, pose)| ObservedPhoto::new(frame, pose)).collect();
         if let Some(told) = &self.normals {
-            seen[0].believe(told);
+            seen[0].override_normals(told);
         }
         seen
     }
@@ -112,7 +112,7 @@ impl View {
         Ok(match self.held {
             Some(held) if self.predicted_depth => Some((held.camera.up, Some(held.up_deviation_deg))),
             Some(held) => {
-                let seen: Vec<Surfel> = self.seen_photos().iter().flat_map(SeenPhoto::surfels).collect();
+                let seen: Vec<Surfel> = self.seen_photos().iter().flat_map(ObservedPhoto::surfels).collect();
                 Some((up_near(&seen, held.camera.up, held.up_deviation_deg as f32), None))
             }
             None => self.predicted_depth.then(|| (self.voted_up(), None)),

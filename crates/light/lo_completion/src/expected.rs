@@ -215,10 +215,10 @@ impl LightSphere {
         let shares = LightOctree { rgba: light.rows_with(|depth, row, _| guessed[depth][row]), ..light.clone() };
         let open: Vec<f32> = trace(&shares).radiance.pixels().iter().map(|share| share[0].clamp(0.0, 1.0)).collect();
         let own: Vec<Vec3> = rendering.radiance.pixels().iter().map(|&rgb| Vec3::from(rgb)).collect();
-        let world_from_panorama = expected.picture.world_from_panorama;
+        let world_from_panorama = expected.image.world_from_panorama;
         let wanted = |direction: &Vec3| {
             let local = world_from_panorama.conjugate() * *direction;
-            let radiance = sample_equirectangular(&expected.picture.radiance, local);
+            let radiance = sample_equirectangular(&expected.image.radiance, local);
             (Vec3::from(radiance) * Vec3::from(tint)).min(Vec3::splat(MAX_RADIANCE))
         };
         let expected: Vec<Vec3> = directions.iter().map(wanted).collect();
@@ -457,7 +457,7 @@ mod tests {
 
     /// Returns the irradiance of expected light on inferred surfaces and of the photo's light on observed ones.
     fn wanted() -> Vec<f32> {
-        let expected = expected().picture.radiance;
+        let expected = expected().image.radiance;
         irradiance(&RadianceImage::from_fn(128, 64, |x, y| {
             let d = pixel_direction(x, y, 128, 64);
             let seen = d.z < 0.0 && (d.x / d.z).abs() < 0.8 && (d.y / d.z).abs() < 0.53;

@@ -6,7 +6,7 @@ use lo_events::Warning;
 use lo_geometry::{Cube, RigidTransform, Vec2, Vec3};
 use lo_imaging::{DepthMap, RadianceImage};
 use lo_octree::{Provenance, RadiancePoint};
-use lo_scene::{Frame, Room, SeenPhoto, Side, Surfel};
+use lo_scene::{Frame, ObservedPhoto, Room, Side, Surfel};
 
 use crate::extrapolate::{Faces, extrapolate};
 use crate::fill::fill_holes;
@@ -92,7 +92,7 @@ pub struct ShellReport {
 ///
 /// Any frame gives a room: without readings it is a box of default size with the photo on its walls. Deterministic.
 pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
-    shell_of_photos(&[SeenPhoto::new(frame, RigidTransform::IDENTITY)], options)
+    shell_of_photos(&[ObservedPhoto::new(frame, RigidTransform::IDENTITY)], options)
 }
 
 /// Completes a room as [`shell`] does, from several photos of it, in the axes of the first one's camera.
@@ -102,11 +102,11 @@ pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
 ///
 /// # Panics
 /// Without photos.
-pub fn shell_of_photos(photos: &[SeenPhoto], options: &ShellOptions) -> Shell {
+pub fn shell_of_photos(photos: &[ObservedPhoto], options: &ShellOptions) -> Shell {
     let first = &photos.first().expect("a shell needs at least one photo").clean;
     let camera = first.depth_camera();
     let pixel_area = (1.0 / (camera.fx * camera.fy)) as f32;
-    let seen: Vec<Surfel> = photos.iter().flat_map(SeenPhoto::surfels).collect();
+    let seen: Vec<Surfel> = photos.iter().flat_map(ObservedPhoto::surfels).collect();
     let room = enclose(&seen, options);
     let cube = cube_around(&room, options.octree_depth);
     let tolerance_m = 1.5 * cube.node_edge_m(options.octree_depth);
@@ -137,8 +137,8 @@ pub fn shell_of_photos(photos: &[SeenPhoto], options: &ShellOptions) -> Shell {
 }
 
 /// Returns the surfels of a photo with depth everywhere, in the room's frame, and the visibility from its camera.
-fn full_view(photo: &SeenPhoto, room: &RoomBox, tolerance_m: f32) -> (Vec<Surfel>, CameraView, HighlightReport) {
-    let SeenPhoto { clean, normals, first_from_camera, .. } = photo;
+fn full_view(photo: &ObservedPhoto, room: &RoomBox, tolerance_m: f32) -> (Vec<Surfel>, CameraView, HighlightReport) {
+    let ObservedPhoto { clean, normals, first_from_camera, .. } = photo;
     let camera = clean.depth_camera();
     let own_room = room.seen_from(first_from_camera);
     let (radiance, highlights) = highlights::restore_highlights(clean, normals, own_room.axes.col(1));
@@ -170,8 +170,8 @@ impl Enclosure {
     }
 
     /// Returns a depth for every pixel of a photo: its own where it has one, else from the planes or the surroundings.
-    pub fn filled_depth_m(&self, photo: &SeenPhoto) -> DepthMap {
-        let SeenPhoto { clean, first_from_camera, .. } = photo;
+    pub fn filled_depth_m(&self, photo: &ObservedPhoto) -> DepthMap {
+        let ObservedPhoto { clean, first_from_camera, .. } = photo;
         fill_holes(&clean.depth_m, &clean.depth_camera(), &self.0.seen_from(first_from_camera))
     }
 

@@ -1,11 +1,11 @@
-//! Radiance at the corners of quads as a texture: 2 × 2 texels a quad.
+//! Texture atlas of radiance at the corners of quads: 2 × 2 texels per quad.
 //!
-//! The corners' coordinates are the texels' centres, so that linear filtering gives exactly what lies between the corners, and
-//! never anything of another quad.
+//! Texture coordinates of the corners are texel centres. Linear filtering then interpolates exactly between the
+//! corners, and never samples another quad.
 
 use lo_imaging::Image;
 
-/// Where the quads lie in the texture.
+/// Layout of the quads in the texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Atlas {
     columns: usize,
@@ -16,20 +16,20 @@ pub(crate) struct Atlas {
 const TEXELS: [[usize; 2]; 4] = [[0, 0], [1, 0], [1, 1], [0, 1]];
 
 impl Atlas {
-    /// For so many quads, nearly square.
+    /// Creates a nearly square layout for a number of quads.
     pub fn new(quads: usize) -> Self {
         let columns = (1..).find(|n| n * n >= quads).expect("some square is larger").max(1);
         Self { columns, rows: quads.div_ceil(columns).max(1) }
     }
 
-    /// Texture coordinates of the corners of a quad, from the upper left.
+    /// Returns texture coordinates of the corners of a quad, from the upper left.
     pub fn uvs(self, quad: usize) -> [[f32; 2]; 4] {
         let of_texel = |texel: usize, texels: usize| (texel as f32 + 0.5) / texels as f32;
         let (x, y) = (2 * (quad % self.columns), 2 * (quad / self.columns));
         TEXELS.map(|[dx, dy]| [of_texel(x + dx, 2 * self.columns), of_texel(y + dy, 2 * self.rows)])
     }
 
-    /// The texture: `texel(quad, corner)`, and `empty` where there is no quad.
+    /// Fills the texture with `texel(quad, corner)`, and with `empty` where there is no quad.
     pub fn image<T: Copy>(self, quads: usize, empty: T, texel: impl Fn(usize, usize) -> T) -> Image<T> {
         Image::from_fn(2 * self.columns, 2 * self.rows, |x, y| {
             let quad = y / 2 * self.columns + x / 2;

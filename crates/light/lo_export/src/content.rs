@@ -1,10 +1,10 @@
-/// Which part of a scene is written.
+/// Part of a scene that is exported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Content {
-    /// The octree's leaves with radiance that the room's air touches or that the photo saw: the whole room, but not what
-    /// fills the walls from behind.
+    /// The octree's leaves with radiance that face the room's free space or that the photo observed: the whole room,
+    /// without the leaves that fill its walls from behind.
     #[default]
     Leaves,
-    /// The photo's pixels that have a depth reading.
+    /// The photo's pixels with a depth reading.
     PhotoPoints,
 }

@@ -2,16 +2,16 @@ use std::path::PathBuf;
 
 use crate::Content;
 
-/// Why a scene cannot be exported.
+/// Reasons why a scene cannot be exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// The name is none of a format.
-    #[error("unknown export format {0:?}; known are ply, glb and usda")]
+    /// The name is not that of a format.
+    #[error("unknown export format {0:?}; supported are ply, glb and usda")]
     UnknownFormat(String),
     /// There is nothing to write.
     #[error("{}", match .0 {
         Content::Leaves => "the scene's octree has no visible node with radiance; there is nothing to export",
-        Content::PhotoPoints => "the scene's depth map has no reading; there are no photo points to export",
+        Content::PhotoPoints => "the scene's depth map has no readings; there are no photo points to export",
     })]
     Nothing(Content),
     /// A value is NaN or infinite.
@@ -20,17 +20,17 @@ pub enum ExportError {
         Content::PhotoPoints => "photo point",
     })]
     NotFinite {
-        /// What was exported.
+        /// Exported content.
         content: Content,
-        /// Position among the points, from 0.
+        /// Index among the points, from 0.
         index: usize,
-        /// Which of its values.
+        /// Name of the value.
         value: &'static str,
     },
-    /// glTF binaries end at 4 GiB.
+    /// The file would exceed 4 GiB, the limit of glTF binaries.
     #[error("the scene needs {bytes} bytes as a glTF binary, which can hold 4 GiB at most; export it as ply or usda")]
     TooLarge {
-        /// Size that the file would have.
+        /// Size of the file, bytes.
         bytes: usize,
     },
     /// The probe's panorama is not twice as wide as high.
@@ -41,12 +41,14 @@ pub enum ExportError {
         /// Height in pixels.
         height: usize,
     },
-    /// The output's name has no file name to derive those of the files beside it from.
-    #[error("{0} does not name a file in Unicode, which other programs' references to the files beside it need")]
-    BesideName(PathBuf),
-    /// Nothing says which way is up.
+    /// The output's file name cannot be used in the names of further files.
     #[error(
-        "the scene does not know which way is up, so it cannot be levelled; estimate it with depth, or export it without --level"
+        "the file name of {0} must be valid Unicode without control characters, because other files are named after it"
+    )]
+    UnusableStem(PathBuf),
+    /// The up direction is unknown.
+    #[error(
+        "the scene's up direction is unknown, so it cannot be levelled; estimate it with depth, or export it without --level"
     )]
     NoGravity,
     /// The probe's position is not a point.
@@ -55,7 +57,7 @@ pub enum ExportError {
     /// The probe cannot be written.
     #[error(transparent)]
     Image(#[from] lo_imaging::ImageError),
-    /// The scene cannot be written; the message names the file.
+    /// A file cannot be written; the message names it.
     #[error(transparent)]
     Io(#[from] std::io::Error),
 }

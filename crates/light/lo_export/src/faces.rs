@@ -2,29 +2,29 @@ use lo_geometry::Vec3;
 use lo_octree::{LeafNode, LightOctree};
 
 use crate::free_space;
+use crate::lamps::FaceEmission;
 use crate::room_mesh;
-use crate::sources::Kept;
 
-/// The faces of an octree's leaves that the room's air touches, as [`write`](crate::write) makes a mesh of them.
+/// Faces of an octree's leaves towards the room's free space, as exported by [`write`](crate::write).
 ///
-/// A wall has its inner side alone: who stands outside and passes the backs of faces looks into the room.
+/// Walls have only their inner side: with back-face culling, a viewer outside looks into the room.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RoomFaces {
-    /// Positions in metres, which faces share.
+    /// Positions in metres, shared by faces.
     pub positions_m: Vec<Vec3>,
-    /// Corners of each face, counter-clockwise seen from the air.
+    /// Corners of each face, counter-clockwise seen from free space.
     pub quads: Vec<[u32; 4]>,
     /// The leaf of each face.
     pub leaves: Vec<LeafNode>,
 }
 
 impl RoomFaces {
-    /// Of an octree about the camera at the origin.
+    /// Extracts the faces of an octree with the camera at the origin.
     pub fn of(light: &LightOctree) -> Self {
         let leaves = free_space::leaves(light, None);
-        let kept = vec![Kept::All; leaves.len()];
+        let kept = vec![FaceEmission::All; leaves.len()];
         let mesh = room_mesh::from_leaves(&leaves, &kept, &light.cube, light.octree.depth());
-        // The mesh has the faces of one leaf after the other.
+        // The mesh has the faces leaf by leaf.
         let of_faces = leaves.iter().flat_map(|leaf| leaf.exposed_faces().map(|_| leaf.leaf_node()));
         Self { positions_m: mesh.positions_m, quads: mesh.quads, leaves: of_faces.collect() }
     }
@@ -46,7 +46,7 @@ mod tests {
             let middle_m = quad.iter().map(|&corner| faces.positions_m[corner as usize]).sum::<Vec3>() / 4.0;
             let edge_m = light.cube.node_edge_m(leaf.depth);
             let offset_m = middle_m - light.node_middle_m(leaf.depth, key);
-            // The middle of a face is half an edge from the leaf's, on the room's side.
+            // The centre of a face is half an edge from the leaf's, on the room's side.
             assert!((offset_m.length() - 0.5 * edge_m).abs() < 1e-6, "{offset_m}");
             assert!(offset_m.dot(-middle_m) > 0.0, "{middle_m}");
         }

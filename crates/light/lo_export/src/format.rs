@@ -3,7 +3,7 @@ use std::str::FromStr;
 
 use crate::ExportError;
 
-/// A file format that other programs read.
+/// Format of an exported file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Point cloud, binary little-endian.
@@ -15,7 +15,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// All formats, for listings.
+    /// All formats.
     pub const ALL: [Self; 3] = [Self::Ply, Self::Glb, Self::Usda];
 }
 

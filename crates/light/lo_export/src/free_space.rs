@@ -1,25 +1,26 @@
-//! Which faces of the occupied leaves the room's air touches.
+//! Flood fill of free space, to find the visible faces of occupied leaves.
 //!
-//! Air is what a flood from the camera reaches through face-neighbouring empty nodes. So a wall shows its inner side alone,
-//! and the mesh holds no face that nobody in the room can see.
+//! Free space is what a flood fill from the camera reaches through face-adjacent empty nodes. So a wall has only its
+//! inner side, and the mesh has no face that is invisible from the room.
 //!
-//! Estimated rooms have holes of a few leaves in their walls (the shells of both test photos do). Therefore the flood
-//! goes far through large empty nodes alone, and from these through small ones only as far as the next surfaces: what gets
-//! through a hole shows a few faces around it, not the outside of the whole room.
+//! Walls of estimated rooms have holes of a few leaves. Therefore the flood spreads far only through large empty
+//! nodes, and from these through small ones only to the next surfaces. Through a hole it reaches a few faces around
+//! it, not the outside of the whole room.
 
 use lo_geometry::Vec3;
 use lo_octree::{LeafNode, LightOctree, Octree};
 
-/// Opacity below which a node counts as air: a network leaves faint nodes, which nobody would call a surface.
+/// Opacity below which a node counts as free: networks leave faint nodes that are not surfaces.
 const AIR_OPACITY: f32 = 0.01;
 
-/// Depth of the smallest nodes through which the flood goes far: 1/32 of the cube, about 0.2 m. In a shallow octree it is four leaves.
+/// Depth of the smallest nodes through which the flood spreads far: 1/32 of the cube, about 0.2 m. In a shallow
+/// octree it is four leaves.
 const COARSE_DEPTH: u32 = 5;
 
 /// The six face directions: −x, +x, −y, +y, −z, +z.
 pub(crate) const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
 
-/// A node that is split no further and has radiance.
+/// A leaf of the octree with radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Leaf {
     /// Depth of the node.
@@ -36,40 +37,41 @@ pub(crate) struct Leaf {
     pub edge_m: f32,
     /// Linear RGB radiance and opacity.
     pub rgba: [f32; 4],
-    /// Share of its points that the photo saw, in [0, 1].
+    /// Share of its points that the photo observed, in [0, 1].
     pub seen: f32,
-    /// Share of its radiance that a panorama of the room gave, in [0, 1].
+    /// Share of its radiance that comes from a panorama, in [0, 1].
     pub panorama: f32,
-    /// Bit `i`: air touches the face in direction [`FACES`]`[i]`. No bit for a leaf that is itself air.
+    /// Bit `i`: the face in direction [`FACES`]`[i]` is exposed to free space. No bits for a leaf that counts as free
+    /// itself.
     pub exposed: u8,
 }
 
 impl Leaf {
-    /// As the octree knows it.
+    /// Returns the leaf's node in the octree.
     pub fn leaf_node(&self) -> LeafNode {
         LeafNode { depth: self.depth, node: self.node, row: self.row }
     }
 
-    /// Linear RGB radiance.
+    /// Returns the linear RGB radiance.
     pub fn radiance(&self) -> [f32; 3] {
         [self.rgba[0], self.rgba[1], self.rgba[2]]
     }
 
-    /// Luminance of the radiance, Rec. 709.
+    /// Returns the luminance of the radiance, Rec. 709.
     pub fn luminance(&self) -> f32 {
         lo_imaging::luminance(self.radiance())
     }
 
-    /// Sum of the exposed faces' outward normals times their areas, in m².
+    /// Returns the sum of the exposed faces' outward normals times their areas, in m².
     pub fn vector_area_m2(&self) -> Vec3 {
         let sum: Vec3 = self.exposed_faces().map(|face| Vec3::from(FACES[face].map(|c| c as f32))).sum();
         sum * (self.edge_m * self.edge_m)
     }
 
-    /// Area of the smooth surface that the exposed faces stand for, in m².
+    /// Returns the area of the smooth surface that the exposed faces approximate, in m².
     ///
-    /// The faces of a slanted wall are a staircase whose area exceeds the wall's by up to √3. The Euclidean norm over the axes
-    /// is exact for axis-aligned and for diagonal surfaces, and counts both sides of a plate.
+    /// The faces of a slanted wall form a staircase, whose area exceeds the wall's by up to √3. The Euclidean norm
+    /// over the axes is exact for axis-aligned and for diagonal surfaces, and counts both sides of a plate.
     pub fn surface_area_m2(&self) -> f32 {
         let mut axes = Vec3::ZERO;
         for face in self.exposed_faces() {
@@ -78,19 +80,19 @@ impl Leaf {
         axes.length() * self.edge_m * self.edge_m
     }
 
-    /// Indices into [`FACES`] of the exposed faces.
+    /// Returns the indices into [`FACES`] of the exposed faces.
     pub fn exposed_faces(&self) -> impl Iterator<Item = usize> + use<> {
         let exposed = self.exposed;
         (0..FACES.len()).filter(move |face| exposed >> face & 1 == 1)
     }
 }
 
-/// All leaves of the octree with radiance, coarse levels first and in node order within a level.
+/// Returns all leaves of the octree with radiance, coarse levels first and in node order within a level.
 ///
-/// `panorama_share` is that of the rows, by depth, where there is one.
+/// `panorama_share` has the rows' share by depth, if there is a panorama.
 pub(crate) fn leaves(light: &LightOctree, panorama_share: Option<&[Vec<u8>]>) -> Vec<Leaf> {
     let coordinates = coordinates(&light.octree);
-    let air = Air::flood(light, &coordinates);
+    let air = FreeSpace::flood(light, &coordinates);
     let mut leaves = Vec::new();
     for (depth, level) in light.octree.levels().iter().enumerate() {
         let depth = depth as u32;
@@ -117,26 +119,26 @@ pub(crate) fn leaves(light: &LightOctree, panorama_share: Option<&[Vec<u8>]>) ->
     leaves
 }
 
-/// Integer coordinates of every node, per level.
+/// Returns the integer coordinates of every node, per level.
 fn coordinates(octree: &Octree) -> Vec<Vec<[u32; 3]>> {
     octree.levels().iter().map(|level| level.keys.iter().map(|&key| lo_octree::xyz_from_key(key)).collect()).collect()
 }
 
-/// What the flood from the camera reached.
-struct Air<'a> {
+/// Result of the flood fill from the camera.
+struct FreeSpace<'a> {
     light: &'a LightOctree,
-    /// `reached[d][node]`: air that the flood came to.
+    /// `reached[d][node]`: free nodes that the flood reached.
     reached: Vec<Vec<bool>>,
-    /// Whether what lies outside of the cube counts as reached.
+    /// Whether the outside of the cube counts as reached.
     outside: bool,
 }
 
-impl<'a> Air<'a> {
+impl<'a> FreeSpace<'a> {
     fn flood(light: &'a LightOctree, coordinates: &[Vec<[u32; 3]>]) -> Self {
         let reached = light.octree.levels().iter().map(|level| vec![false; level.keys.len()]).collect();
         let mut air = Self { light, reached, outside: false };
         let Some(start) = air.camera_node() else {
-            // A camera outside of the cube or inside of matter: nothing tells the room's air from the rest.
+            // With the camera outside of the cube or inside of matter, all free nodes count.
             air.outside = true;
             for depth in 0..light.octree.levels().len() {
                 for node in 0..air.reached[depth].len() {
@@ -145,7 +147,7 @@ impl<'a> Air<'a> {
             }
             return air;
         };
-        // First through the large empty nodes, as far as they reach.
+        // First spread through the large empty nodes.
         let depth = light.octree.depth();
         let coarse = depth.saturating_sub(2).min(COARSE_DEPTH).max(light.octree.full_depth()).max(start.0);
         air.reached[start.0 as usize][start.1] = true;
@@ -167,7 +169,7 @@ impl<'a> Air<'a> {
         air
     }
 
-    /// Marks the air beside a node, at depths that `passes` allows, and appends what was not reached before.
+    /// Marks the free nodes next to a node, at depths that `passes` accepts, and appends the newly reached ones.
     fn spread(
         &mut self,
         (depth, node): (u32, usize),
@@ -187,20 +189,20 @@ impl<'a> Air<'a> {
         }
     }
 
-    /// The unsplit node around the camera, if it is air.
+    /// Returns the leaf that contains the camera, if it is free.
     fn camera_node(&self) -> Option<(u32, usize)> {
         let (depth, node) = self.light.locate(Vec3::ZERO, self.light.octree.depth())?;
         self.is_air(depth, node).then_some((depth, node))
     }
 
-    /// Whether an unsplit node is empty or too faint to be a surface.
+    /// Returns whether a leaf is empty or too faint to be a surface.
     fn is_air(&self, depth: u32, node: usize) -> bool {
         let level = &self.light.octree.levels()[depth as usize];
         let row = level.rows[node];
         level.children[node] < 0 && (row < 0 || self.light.rgba[depth as usize][row as usize][3] < AIR_OPACITY)
     }
 
-    /// Bits of the faces of the node at `xyz` that reached air touches.
+    /// Returns bits of the faces of the node at `xyz` that touch reached nodes.
     fn exposed(&self, depth: u32, xyz: [u32; 3]) -> u8 {
         let mut touching = Vec::new();
         let mut bits = 0;
@@ -213,7 +215,8 @@ impl<'a> Air<'a> {
         bits
     }
 
-    /// Appends the unsplit nodes that touch a face of the node at `xyz`; `false` where the face lies on the cube's boundary.
+    /// Appends the leaves that touch a face of the node at `xyz`. Returns `false` if the face is on the cube's
+    /// boundary.
     fn touching(&self, depth: u32, xyz: [u32; 3], face: usize, nodes: &mut Vec<(u32, usize)>) -> bool {
         let edge_m = self.light.cube.node_edge_m(depth);
         let mut beyond = self.light.cube.origin_m;
@@ -225,13 +228,13 @@ impl<'a> Air<'a> {
             beyond[axis] += (moved as f32 + 0.5) * edge_m;
         }
         let Some((found, node)) = self.light.locate(beyond, depth) else { return false };
-        // The neighbour's side that looks back: the lower half of it when we look in the positive direction.
+        // The neighbour's opposite side: its lower half for the positive direction.
         let upper_half = FACES[face][face / 2] < 0;
         self.collect(found, node, face / 2, upper_half, nodes);
         true
     }
 
-    /// Appends the unsplit descendants of a node that touch one of its sides.
+    /// Appends the leaves below a node that touch one of its sides.
     fn collect(&self, depth: u32, node: usize, axis: usize, upper_half: bool, nodes: &mut Vec<(u32, usize)>) {
         let children = self.light.octree.levels()[depth as usize].children[node];
         if children < 0 {
@@ -281,7 +284,7 @@ mod tests {
             };
             leaves.iter().map(|leaf| leaf.exposed_faces().filter(|&face| is_inward(leaf, face)).count() as u32).sum()
         };
-        // All inner faces but the hole's nine; outside no more than the few layers of the flood can touch.
+        // All inner faces except the hole's nine; outside only those within reach of the flood's few layers.
         let inner = 6 * 56 * 56 - 9;
         assert!((inner..=inner + 12).contains(&faces(true)), "{}", faces(true));
         assert!(faces(false) < 500, "{}", faces(false));
@@ -302,15 +305,15 @@ mod tests {
         let cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
         let light = light_of(&[([1, 1, 1], [0.5, 0.5, 0.5, 0.005]), ([0, 1, 1], [0.5, 0.5, 0.5, 0.9])], cube, 1);
         let leaves = leaves(&light, None);
-        // Both are leaves with radiance, but one alone has faces: towards its three neighbours in the cube.
+        // Both are leaves with radiance, but only one has faces: towards its three neighbours in the cube.
         let exposed: Vec<u32> = leaves.iter().map(|leaf| leaf.exposed.count_ones()).collect();
         assert_eq!(exposed, [3, 0]);
     }
 
     #[test]
     fn coarse_and_fine_nodes_meet() {
-        // Eight octants, the first (low corner) coarse and solid, the others coarse and air, but the +x one is split and its
-        // four children on the low x side are solid.
+        // Eight octants: the first (low corner) is coarse and solid, the others are coarse and free, except that the
+        // +x one is split and its four children on the low x side are solid.
         let cube = Cube { origin_m: Vec3::new(-3.0, -3.0, -3.0), edge_m: 4.0 };
         let solid = [0.5, 0.5, 0.5, 1.0];
         let mut light = light_of(&[([0, 0, 0], solid), ([1, 0, 0], solid)], cube, 1);
@@ -320,7 +323,7 @@ mod tests {
         light.seen.push(vec![255; 4]);
         let leaves = leaves(&light, None);
         assert_eq!(leaves.iter().map(|leaf| leaf.depth).collect::<Vec<_>>(), [1, 2, 2, 2, 2]);
-        // Coarse: +y and +z; its +x face is covered by the fine ones, and the boundary shows nothing.
+        // Coarse: +y and +z. Its +x face is covered by the fine ones, and the boundary has no faces.
         assert_eq!(leaves[0].exposed, 0b10_10_00);
         // Fine: each has +x; the upper ones +y, the front ones +z.
         let fine: Vec<u8> = leaves[1..].iter().map(|leaf| leaf.exposed).collect();

@@ -1,8 +1,8 @@
-//! glTF 2.0 binary: camera, a room that emits (`KHR_materials_emissive_strength`) or points with vertex colours, lamps
-//! (`KHR_lights_punctual`).
+//! glTF 2.0 binary: camera, an emissive room (`KHR_materials_emissive_strength`) or points with vertex colours, and
+//! lamps (`KHR_lights_punctual`).
 //!
-//! Units are those of Blender's importer, the only one that puts both on one scale: an emissive texel of 1 is a radiance of 1
-//! W/(m² sr), and 683 cd are 1 W/sr.
+//! Units are those of Blender's importer, the only one with a common scale for both: an emissive texel of 1 is a
+//! radiance of 1 W/(m² sr), and 683 cd are 1 W/sr.
 
 use std::collections::BTreeMap;
 
@@ -15,51 +15,52 @@ use serde_json::{Map, Value, json};
 use crate::ExportError;
 use crate::atlas::Atlas;
 use crate::header::{FRAME, GENERATOR, LEVEL_FRAME, UNITS};
-use crate::level::Level;
+use crate::lamps::Lamp;
 use crate::points::Point;
 use crate::probe::ProbeFile;
 use crate::room_mesh::RoomMesh;
-use crate::sources::Source;
+use crate::world_frame::WorldFrame;
 
-/// Modes of primitives.
+/// Primitive modes.
 const POINTS: u32 = 0;
 const TRIANGLES: u32 = 4;
 
-/// Candela of 1 W/sr, as Blender's importer has it (`PBR_WATTS_TO_LUMENS`).
+/// Candela of 1 W/sr in Blender's importer (`PBR_WATTS_TO_LUMENS`).
 const CANDELA: f32 = 683.0;
 
-/// A point cannot stand for a larger surface: what is nearer than its size would be lit wrongly.
+/// Largest area of a lamp, m²: a point light approximates a larger one badly at distances below its size.
 const MAX_LAMP_AREA_M2: f32 = 1.0;
 
-/// Emissive strengths are powers of this: eight bits of sRGB have steps of 1 % of the quad's brightest channel or less.
+/// Base of emissive strengths, which are its powers. Eight-bit sRGB then has steps of at most 1 % of the quad's
+/// brightest channel.
 const STRENGTH_STEP: f32 = 4.0;
 
-/// Least strength.
+/// Smallest emissive strength.
 const MIN_STRENGTH: f32 = 1.0 / 64.0;
 
-/// What the file shows.
-pub(crate) enum Shown<'a> {
-    /// The room, emitting.
+/// Geometry of the file.
+pub(crate) enum SceneGeometry<'a> {
+    /// The room as an emissive mesh.
     Room(&'a RoomMesh),
-    /// Points with colours.
+    /// Points with vertex colours.
     Points(&'a [Point]),
 }
 
-/// Whether a lamp of glTF, which shines from a point, can stand for it. Others are left to the mesh.
-pub(crate) fn has_lamp(source: &Source) -> bool {
-    source.light.extent() <= MAX_LAMP_AREA_M2
+/// Returns whether a glTF lamp, a point light, can represent it. Others are left to the mesh.
+pub(crate) fn has_lamp(lamp: &Lamp) -> bool {
+    lamp.light.extent() <= MAX_LAMP_AREA_M2
 }
 
-/// The whole file.
+/// Encodes the whole file.
 pub(crate) fn encode(
-    shown: &Shown,
+    shown: &SceneGeometry,
     camera: &Camera,
-    level: Level,
-    lamps: &[Source],
+    level: WorldFrame,
+    lamps: &[Lamp],
     probes: &[ProbeFile],
 ) -> Result<Vec<u8>, ExportError> {
     let mut binary = GlbWriter::default();
-    let levelled = level != Level::CAMERA;
+    let levelled = level != WorldFrame::CAMERA;
     let mut scene_extras = json!({
         "frame": if levelled { LEVEL_FRAME } else { FRAME },
         "units": UNITS,
@@ -88,8 +89,8 @@ pub(crate) fn encode(
         "cameras": [camera_json(camera)],
     });
     let mut extensions = match shown {
-        Shown::Room(mesh) => room(mesh, &mut document, &mut binary),
-        Shown::Points(points) => cloud(points, &mut document, &mut binary),
+        SceneGeometry::Room(mesh) => room(mesh, &mut document, &mut binary),
+        SceneGeometry::Points(points) => cloud(points, &mut document, &mut binary),
     };
     if !lamps.is_empty() {
         extensions.insert(0, "KHR_lights_punctual");
@@ -100,7 +101,7 @@ pub(crate) fn encode(
     binary.finish(document).map_err(|GlbTooLarge { bytes }| ExportError::TooLarge { bytes })
 }
 
-/// The quads, one primitive and one material for each strength, with one texture.
+/// Adds the quads, with one primitive and one material per strength, and one texture.
 fn room(mesh: &RoomMesh, document: &mut Value, binary: &mut GlbWriter) -> Vec<&'static str> {
     let strengths: Vec<i32> = mesh.radiance.iter().map(strength_step).collect();
     let mut quads_of: BTreeMap<i32, Vec<usize>> = BTreeMap::new();
@@ -135,7 +136,7 @@ fn room(mesh: &RoomMesh, document: &mut Value, binary: &mut GlbWriter) -> Vec<&'
             "emissiveTexture": { "index": 0 },
             "extensions": {
                 "KHR_materials_emissive_strength": { "emissiveStrength": strength },
-                // It gives off all of its light itself and reflects nothing.
+                // It only emits and reflects nothing.
                 "KHR_materials_specular": { "specularFactor": 0.0 },
             },
         }));
@@ -154,18 +155,19 @@ fn room(mesh: &RoomMesh, document: &mut Value, binary: &mut GlbWriter) -> Vec<&'
     vec!["KHR_materials_emissive_strength", "KHR_materials_specular"]
 }
 
-/// The power of [`STRENGTH_STEP`] that a quad's brightest value needs.
+/// Returns the exponent of [`STRENGTH_STEP`] for a quad's brightest value.
 fn strength_step(corners: &[[f32; 3]; 4]) -> i32 {
     let brightest = corners.as_flattened().iter().copied().fold(MIN_STRENGTH, f32::max);
     brightest.log(STRENGTH_STEP).ceil() as i32
 }
 
-/// Loose points: unlit, because points have no shading.
+/// Adds loose points: unlit, because points have no shading.
 fn cloud(points: &[Point], document: &mut Value, binary: &mut GlbWriter) -> Vec<&'static str> {
     let mut attributes = Map::new();
     let positions: Vec<Vec3> = points.iter().map(|point| point.position_m).collect();
     attributes.insert("POSITION".to_owned(), vertices(&positions, binary).into());
-    // Linear, as the specification demands; 16 bits, because eight linear ones show bands in the dark. Alpha fills the alignment.
+    // Linear, as the specification requires; 16 bits, because 8 linear bits would show banding in dark regions. Alpha
+    // fills the alignment.
     let colors: Vec<[u16; 4]> = points
         .iter()
         .map(|point| {
@@ -200,7 +202,7 @@ fn cloud(points: &[Point], document: &mut Value, binary: &mut GlbWriter) -> Vec<
     vec!["KHR_materials_unlit"]
 }
 
-/// The accessor of positions, with their bounds.
+/// Adds the accessor of positions with their bounds.
 fn vertices(positions_m: &[Vec3], binary: &mut GlbWriter) -> usize {
     let least = positions_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
     let most = positions_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
@@ -210,7 +212,7 @@ fn vertices(positions_m: &[Vec3], binary: &mut GlbWriter) -> usize {
     binary.accessor(data, positions.len(), GlbWriter::FLOAT, "VEC3", GlbWriter::ARRAY_BUFFER, limits)
 }
 
-/// The photo's camera. glTF knows no principal point: one off the centre stands in the extras alone.
+/// Encodes the photo's camera. glTF has no principal point: one off the centre is stored in the extras only.
 fn camera_json(camera: &Camera) -> Value {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     json!({
@@ -230,8 +232,8 @@ fn camera_json(camera: &Camera) -> Value {
     })
 }
 
-/// Where a lamp is, and how one that shines along its node's −Z is turned.
-fn lamp_node(index: usize, lamp: &Source) -> Value {
+/// Encodes a lamp's position, and its rotation if it shines along its node's −Z.
+fn lamp_node(index: usize, lamp: &Lamp) -> Value {
     let mut node = json!({
         "name": format!("Lamp {}", index + 1),
         "extensions": { "KHR_lights_punctual": { "light": index } },
@@ -252,9 +254,9 @@ fn lamp_node(index: usize, lamp: &Source) -> Value {
     node
 }
 
-/// A rectangle as a spot of 180° that fades towards its sides, close to a cosine and of the same power, a sphere as a point, a sun as a directional light,
-/// whose intensity is 683 times its irradiance.
-fn lamp_json(index: usize, lamp: &Source) -> Value {
+/// Encodes a lamp: a rectangle as a 180° spot that fades towards its sides, close to a cosine and of equal power; a
+/// sphere as a point light; a sun as a directional light of 683 times its irradiance.
+fn lamp_json(index: usize, lamp: &Lamp) -> Value {
     let intensity = lamp.intensity();
     let strongest = intensity.into_iter().fold(0.0, f32::max);
     let area_m2 = lamp.light.extent();
@@ -290,19 +292,19 @@ mod tests {
 
     use super::*;
     use crate::test_scene::box_room;
-    use crate::{free_space, room_mesh, sources};
+    use crate::{free_space, lamps, room_mesh};
 
     fn room() -> Gltf {
         let scene = box_room();
         let leaves = free_space::leaves(&scene.light, None);
-        let lamps = sources::sources(&leaves);
-        let mesh = room_mesh::from_leaves(&leaves, &sources::kept(&leaves, &[]), &scene.light.cube, 3);
+        let lamps = lamps::find_lamps(&leaves);
+        let mesh = room_mesh::from_leaves(&leaves, &lamps::face_emission(&leaves, &[]), &scene.light.cube, 3);
         // `from_slice` validates indices, accessors and required fields.
-        let bytes = encode(&Shown::Room(&mesh), &scene.frame.camera, Level::CAMERA, &lamps, &[]).unwrap();
+        let bytes = encode(&SceneGeometry::Room(&mesh), &scene.frame.camera, WorldFrame::CAMERA, &lamps, &[]).unwrap();
         Gltf::from_slice(&bytes).unwrap()
     }
 
-    /// Linear emission that a renderer finds at each corner of each primitive.
+    /// Returns the linear emission that a renderer finds at each corner of each primitive.
     fn emission(gltf: &Gltf) -> Vec<(Vec3, [f32; 3])> {
         let blob = gltf.blob.as_deref().unwrap();
         let gltf::image::Source::View { view, .. } = gltf.images().next().unwrap().source() else { panic!("no view") };
@@ -328,7 +330,7 @@ mod tests {
         assert_eq!(emission.len(), 4 * 216);
         let at = |p: Vec3| emission.iter().find(|(q, _)| *q == p).unwrap().1;
         let close = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a / b - 1.0).abs() < 0.015);
-        // The middle of the lamp, beyond what eight bits alone could say, and a corner of the room.
+        // The middle of the lamp, beyond the range of eight bits, and a corner of the room.
         assert!(close(at(Vec3::new(0.0, 1.5, 0.0)), [10.0, 8.0, 6.0]), "{:?}", at(Vec3::new(0.0, 1.5, 0.0)));
         assert!(close(at(Vec3::splat(-1.5)), [0.5; 3]));
     }

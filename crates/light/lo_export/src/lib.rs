@@ -1,18 +1,19 @@
-//! Scenes for other programs: PLY point clouds, glTF binaries and USD stages.
+//! Export of scenes for other programs: PLY point clouds, glTF binaries and USD stages.
 //!
-//! All three hold the octree's leaves (or the photo's pixels) with their HDR radiance, in our world frame (right-handed, +Y up,
-//! the photo's camera at the origin looks along −Z, metres) or a level one. glTF and USD hold the leaves as a mesh that emits,
-//! the camera and the room's lamps, too; USD also what the photo sees, textured with it. Light probes are written as OpenEXR
-//! files beside the scene, turned as the format's readers expect them.
+//! All three contain the octree's leaves (or the photo's pixels) with their HDR radiance. The axes are those of our
+//! world frame (right-handed, +Y up, the photo's camera at the origin looks along −Z, metres) or of a levelled one.
 //!
-//! [`RoomFaces`] is that mesh for who shows a room by other means.
+//! glTF and USD contain the leaves as an emissive mesh, the camera and the room's lamps. USD also contains the
+//! observed surface, textured with the photo. Light probes are written as OpenEXR files beside the scene, oriented
+//! for the format's readers.
 //!
-//! Radiance is relative: 1.0 is the photo's white. Mesh, lamps and probes are on one scale.
+//! [`RoomFaces`] is the mesh of leaves for other uses.
 //!
-//! The same scene gives the same bytes.
+//! Radiance is relative: 1.0 is the photo's white. Mesh, lamps and probes have one scale.
+//!
+//! Output is deterministic.
 
 mod atlas;
-mod beside;
 mod content;
 mod error;
 mod faces;
@@ -20,7 +21,7 @@ mod format;
 mod free_space;
 mod glb;
 mod header;
-mod level;
+mod lamps;
 mod lit_side;
 mod photo_mesh;
 mod ply;
@@ -28,10 +29,11 @@ mod points;
 mod probe;
 mod restored;
 mod room_mesh;
-mod sources;
+mod sibling_file;
 #[cfg(test)]
 mod test_scene;
 mod usda;
+mod world_frame;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -45,45 +47,46 @@ pub use faces::RoomFaces;
 pub use format::Format;
 pub use probe::LightProbe;
 
-use beside::Beside;
-use level::Level;
 use probe::ProbeFile;
+use sibling_file::SiblingFile;
+use world_frame::WorldFrame;
 
-/// How to write a scene.
+/// Options of an export.
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
     /// File format.
     pub format: Format,
-    /// Which part of the scene.
+    /// Exported part of the scene.
     pub content: Content,
-    /// Whether the world is level, with gravity along −Y and the floor at height 0, instead of the camera's frame.
+    /// Whether the world is levelled, with gravity along −Y and the floor at height 0; otherwise it is the camera's
+    /// frame.
     pub level: bool,
-    /// Panoramas of the light at some points; written as `<name>_probe.exr`, `<name>_probe2.exr`, … beside the scene.
+    /// Light probes; written as `<name>_probe.exr`, `<name>_probe2.exr`, … beside the scene.
     pub probes: &'a [LightProbe<'a>],
 }
 
-/// What was written.
+/// Summary of an export.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// The scene file, then what lies beside it: probes, and of USD the textures.
+    /// The scene file, then the files beside it: probes, and textures of USD.
     pub files: Vec<PathBuf>,
     /// Size of the scene file in bytes.
     pub bytes: u64,
-    /// Points (PLY, photo points) or corners of the leaves' faces.
+    /// Number of points (PLY, photo points) or of corners of the leaves' faces.
     pub points: usize,
-    /// Quads of the leaves' visible faces (0 of points).
+    /// Number of quads of the leaves' visible faces (0 for points).
     pub faces: usize,
-    /// Lamps made from the brightest leaves, and added ones (0 for PLY).
+    /// Number of lamps from the brightest leaves and of added ones (0 for PLY).
     pub lamps: usize,
 }
 
-/// Writes `scene` to `path`, and beside it what belongs to it.
+/// Writes `scene` to `path`, and its further files beside it.
 ///
-/// Each file appears whole or not at all; an existing one is replaced.
+/// Each file is written atomically and replaces an existing one.
 ///
 /// # Errors
-/// Where the scene has nothing to show or holds values that are not finite, where the result is too large for the format,
-/// where it shall be level and gravity is unknown, or where a file cannot be written.
+/// If the scene has no content or values that are not finite, if the result is too large for the format, if it is to
+/// be levelled and gravity is unknown, or if a file cannot be written.
 pub fn write(scene: &LitScene, options: &Options, path: &Path) -> Result<Report, ExportError> {
     let Options { format, content, .. } = *options;
     let panorama = scene.panorama.as_ref();
@@ -100,23 +103,23 @@ pub fn write(scene: &LitScene, options: &Options, path: &Path) -> Result<Report,
             return Err(ExportError::NotFinite { content, index, value });
         }
     }
-    let level = if options.level { Level::of(scene.room.as_ref())? } else { Level::CAMERA };
+    let level = if options.level { WorldFrame::of(scene.room.as_ref())? } else { WorldFrame::CAMERA };
     let probe = |(index, probe): (usize, &LightProbe)| ProbeFile::beside(path, index, format, *probe, level);
     let probes: Vec<ProbeFile> = options.probes.iter().enumerate().map(probe).collect::<Result<_, _>>()?;
     let mut lamps = match format {
         Format::Ply => Vec::new(),
         Format::Glb | Format::Usda => {
             let places = lit_side::places(&scene.frame);
-            sources::sources(&lit_side::lit_sides(&scene.light, &leaves, sources::WHITE, &places))
+            lamps::find_lamps(&lit_side::lit_sides(&scene.light, &leaves, lamps::WHITE, &places))
         }
     };
     if format == Format::Glb {
         lamps.retain(glb::has_lamp);
     }
-    let kept = sources::kept(&leaves, &lamps);
-    // What somebody added has no leaves: the lamp is all of it.
+    let kept = lamps::face_emission(&leaves, &lamps);
+    // Added lights have no leaves; their lamps have all of their light.
     if let Some(edited) = scene.edited.as_ref().filter(|_| format != Format::Ply) {
-        lamps.extend(sources::beside(&edited.lights));
+        lamps.extend(lamps::added_lamps(&edited.lights));
     }
     let room = (content == Content::Leaves && format != Format::Ply)
         .then(|| room_mesh::from_leaves(&leaves, &kept, &scene.light.cube, scene.light.octree.depth()));
@@ -127,7 +130,7 @@ pub fn write(scene: &LitScene, options: &Options, path: &Path) -> Result<Report,
         report.faces = room.quads.len();
     }
     let camera = &scene.frame.camera;
-    // What lies beside comes first: a scene that names a missing texture must never be seen.
+    // Write the other files first: a scene must never refer to a missing texture.
     let bytes = match format {
         Format::Ply => {
             for point in &mut points {
@@ -138,16 +141,18 @@ pub fn write(scene: &LitScene, options: &Options, path: &Path) -> Result<Report,
             ply::encode(&points, frame, &probes, panorama.is_some())
         }
         Format::Glb => {
-            let shown = room.as_ref().map_or(glb::Shown::Points(&points), glb::Shown::Room);
+            let shown = room.as_ref().map_or(glb::SceneGeometry::Points(&points), glb::SceneGeometry::Room);
             glb::encode(&shown, camera, level, &lamps, &probes)?
         }
         Format::Usda => match room {
             Some(room) => {
                 let restored = restored::of_scene(scene, &leaves, &kept);
-                let encode = |shown: &usda::Shown| usda::encode(shown, camera, level, &lamps, &probes);
+                let encode = |shown: &usda::SceneGeometry| usda::encode(shown, camera, level, &lamps, &probes);
                 usda_room(scene, room, restored, path, encode, &mut report)?
             }
-            None => usda::encode(&usda::Shown::Points(&points, panorama.is_some()), camera, level, &lamps, &probes),
+            None => {
+                usda::encode(&usda::SceneGeometry::Points(&points, panorama.is_some()), camera, level, &lamps, &probes)
+            }
         }
         .into_bytes(),
     };
@@ -160,24 +165,24 @@ pub fn write(scene: &LitScene, options: &Options, path: &Path) -> Result<Report,
     Ok(report)
 }
 
-/// The stage of the room, by `encode`; its textures are written here. `restored` is the photo's radiance where it is more than
-/// the photo says.
+/// Encodes the room's stage with `encode` and writes its textures. `restored` is the photo's radiance with restored
+/// highlights, if it differs from the photo.
 fn usda_room(
     scene: &LitScene,
     mut room: room_mesh::RoomMesh,
     restored: Option<RadianceImage>,
     path: &Path,
-    encode: impl Fn(&usda::Shown) -> String,
+    encode: impl Fn(&usda::SceneGeometry) -> String,
     report: &mut Report,
 ) -> Result<String, ExportError> {
     let frame = &scene.frame;
-    room.put_behind(scene.surface());
+    room.move_behind_photo(scene.surface());
     let floor = scene.room.as_ref().and_then(lo_scene::Room::floor);
     let photo = photo_mesh::from_frame(frame, floor);
 
     let options = ExrOptions { generator: header::SOFTWARE.to_owned(), half: true, ..ExrOptions::default() };
     let mut texture = |ending: &str, radiance: &RadianceImage| -> Result<usda::Texture, ExportError> {
-        let file = Beside::new(path, ending)?;
+        let file = SiblingFile::new(path, ending)?;
         lo_imaging::write_radiance(&file.path, radiance, &options)?;
         report.files.push(file.path);
         Ok(usda::Texture { file: file.name, space: "raw" })
@@ -187,7 +192,7 @@ fn usda_room(
     let room_texture = texture("room.exr", &of_room)?;
     let seen = restored.map(|radiance| texture("seen.exr", &radiance)).transpose()?;
     let photo_texture = if matches!(frame.photo, Photo::Srgb8(_)) && frame.exposure == 1.0 {
-        let file = Beside::new(path, "photo.png")?;
+        let file = SiblingFile::new(path, "photo.png")?;
         lo_imaging::write_photo(&file.path, &frame.photo, header::SOFTWARE)?;
         report.files.push(file.path);
         usda::Texture { file: file.name, space: "sRGB" }
@@ -202,7 +207,7 @@ fn usda_room(
         seen_texture: seen.as_ref().unwrap_or(&photo_texture),
         beyond_m: 2.0 * scene.light.cube.edge_m,
     };
-    Ok(encode(&usda::Shown::Room(meshes)))
+    Ok(encode(&usda::SceneGeometry::Room(meshes)))
 }
 
 #[cfg(test)]
@@ -223,7 +228,7 @@ mod tests {
             assert_eq!(format.to_string().to_uppercase().parse::<Format>().unwrap(), format);
         }
         let error = "obj".parse::<Format>().unwrap_err().to_string();
-        assert_eq!(error, "unknown export format \"obj\"; known are ply, glb and usda");
+        assert_eq!(error, "unknown export format \"obj\"; supported are ply, glb and usda");
     }
 
     #[test]
@@ -250,7 +255,7 @@ mod tests {
                     assert_eq!(report.lamps, usize::from(format != Format::Ply));
                     write(&scene, &options, &path).unwrap();
                     assert!(fs::read(&path).unwrap() == bytes, "{options:?}");
-                    // What the program looks for before it replaces a file.
+                    // The program looks for this before it replaces a file.
                     assert!(bytes[..bytes.len().min(16_384)].windows(18).any(|w| w == b"lightoctree export"));
                 }
             }
@@ -278,7 +283,8 @@ mod tests {
         };
         let off = of_lamp(LightChange { on: false, ..LightChange::NONE });
         assert_eq!(text(&off, Format::Usda).0, 0);
-        // (10, 8, 6) on walls of 0.5 becomes (19.5, 15.5, 11.5), of which the faces keep what white allows: 1 of 19.5.
+        // (10, 8, 6) on walls of 0.5 becomes (19.5, 15.5, 11.5), of which the faces keep the part up to white: 1 of
+        // 19.5.
         let two = text(&of_lamp(LightChange { scale: 2.0, ..LightChange::NONE }), Format::Usda);
         let usda = String::from_utf8(two.1).unwrap();
         let number = |after: &str, what: &str| -> f32 {
@@ -316,7 +322,7 @@ mod tests {
         let sun = gltf.lights().unwrap().last().unwrap();
         assert!(lamps == 4 && matches!(sun.kind(), gltf::khr_lights_punctual::Kind::Directional));
         assert!((sun.intensity() / (683.0 * 3.0) - 1.0).abs() < 1e-4);
-        // It shines along its node's −Z, away from where it stands.
+        // It shines along its node's −Z, away from its position.
         let node = gltf.nodes().filter(|node| node.light().is_some()).last().unwrap();
         let axis = Vec3::from_slice(&node.transform().matrix()[2][..3]);
         assert!((axis - Vec3::new(0.6, 0.8, 0.0)).length() < 1e-6, "{axis}");

@@ -1,4 +1,5 @@
-//! Which faces of bright leaves the places in the photo see: lamps of the room, not of what lies behind its ceiling.
+//! Selection of the faces of bright leaves that light the observed part of the room, not the space behind its
+//! ceiling.
 
 use lo_geometry::Vec3;
 use lo_octree::LightOctree;
@@ -6,16 +7,17 @@ use lo_scene::Frame;
 
 use crate::free_space::{FACES, Leaf};
 
-/// Objects stand in what the photo shows: places on so many rays across and down the photo.
+/// Number of rays across and down the photo along which test positions are placed, since objects are inserted where
+/// the photo shows.
 const RAYS: usize = 4;
 
-/// How far along a ray to what is seen.
+/// Position along a ray, as a share of the distance to the observed surface.
 const ALONG: f32 = 0.7;
 
-/// Share of the light that must arrive.
+/// Smallest transmittance between a test position and a face.
 const MIN_TRANSMITTANCE: f32 = 0.5;
 
-/// The camera, and places before what the photo sees.
+/// Returns the camera and positions in front of the observed surfaces.
 pub(crate) fn places(frame: &Frame) -> Vec<Vec3> {
     let (width, height) = (frame.depth_m.width(), frame.depth_m.height());
     let at = |i: usize, size: usize| (2 * i + 1) * size / (2 * RAYS);
@@ -24,14 +26,15 @@ pub(crate) fn places(frame: &Frame) -> Vec<Vec3> {
     std::iter::once(Vec3::ZERO).chain(seen).collect()
 }
 
-/// The leaves of at least this luminance with those of their exposed faces alone that some place sees; the others as they are.
+/// Restricts the exposed faces of leaves of at least this luminance to those visible from some position; other leaves
+/// stay unchanged.
 pub(crate) fn lit_sides(light: &LightOctree, leaves: &[Leaf], luminance: f32, places: &[Vec3]) -> Vec<Leaf> {
     let lit = |leaf: &Leaf| {
         let mut leaf = *leaf;
         if leaf.luminance() > luminance {
             let seen = |face: &usize| {
                 let normal = Vec3::from(FACES[*face].map(|c| c as f32));
-                // Just before the face, so that the leaf does not hide itself.
+                // Just in front of the face, so that the leaf does not occlude itself.
                 let before_m = leaf.centre_m + normal * (0.6 * leaf.edge_m);
                 places.iter().any(|&place| (place - before_m).dot(normal) > 0.0 && is_free(light, place, before_m))
             };
@@ -42,7 +45,7 @@ pub(crate) fn lit_sides(light: &LightOctree, leaves: &[Leaf], luminance: f32, pl
     leaves.iter().map(lit).collect()
 }
 
-/// Whether at least half of the light gets from one place to another.
+/// Returns whether at least half of the light passes between two points.
 fn is_free(light: &LightOctree, from: Vec3, to: Vec3) -> bool {
     let depth = light.octree.depth();
     let step_m = 0.5 * light.cube.node_edge_m(depth);
@@ -73,7 +76,8 @@ mod tests {
 
     #[test]
     fn a_lamp_shines_into_the_room_alone() {
-        // A bright sheet of 8 × 8 cells below the middle of the cube, seen from below, open above; a dim one beside it.
+        // A bright sheet of 8 × 8 cells below the middle of the cube, seen from below, open above; a dim one beside
+        // it.
         let sheet = (0..64).map(|i| ([i / 8, 5, i % 8], [9.0, 9.0, 9.0, 0.99]));
         let cells: Vec<_> = sheet.chain([([3, 0, 3], [0.5, 0.5, 0.5, 0.99])]).collect();
         let light = light_of(&cells, Cube::centred(Vec3::ZERO, 4.0), 3);

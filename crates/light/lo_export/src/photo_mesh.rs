@@ -1,33 +1,33 @@
-//! What the photo sees as one mesh with the photo as its texture.
+//! The observed surface as one mesh with the photo as its texture.
 
 use lo_geometry::{Plane, Vec3};
 use lo_scene::Frame;
 
-/// At most so many columns of vertices: sensors of phones measure 256.
+/// Largest number of vertex columns; phone sensors have 256.
 const MAX_COLUMNS: usize = 320;
 
-/// The mesh is torn where depth jumps by more than this many metres and this share of the depth.
+/// Smallest jump in depth at which the mesh is torn: metres, and share of the depth.
 const TEAR_M: f32 = 0.03;
 const TEAR_SHARE: f32 = 0.05;
 
-/// What lies within this many metres of the floor, and this share of the depth, is the floor.
+/// Largest height above or below the floor of its vertices: metres, and share of the depth.
 const FLOOR_M: f32 = 0.04;
 const FLOOR_SHARE: f32 = 0.015;
 
-/// Triangles with texture coordinates of the photo.
+/// Triangles with texture coordinates in the photo.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct PhotoMesh {
     /// Positions in metres.
     pub positions_m: Vec<Vec3>,
-    /// Place in the photo, from the upper left, in [0, 1].
+    /// Position in the photo, from the upper left, in [0, 1].
     pub uvs: Vec<[f32; 2]>,
     /// Counter-clockwise seen from the camera.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A vertex for each reading, brought to a resolution that other programs bear. The floor is made flat.
+/// Creates a vertex per reading, at a resolution that other programs can handle. The floor is flattened.
 ///
-/// Vertices move along the photo's rays alone, so that the photo fits them as it fits the readings.
+/// Vertices move only along the photo's rays, so that the photo still fits as a texture.
 pub(crate) fn from_frame(frame: &Frame, floor: Option<Plane>) -> PhotoMesh {
     let (columns, rows) = (frame.depth_m.width(), frame.depth_m.height());
     let smaller = (columns > MAX_COLUMNS).then(|| {
@@ -59,13 +59,13 @@ pub(crate) fn from_frame(frame: &Frame, floor: Option<Plane>) -> PhotoMesh {
     mesh
 }
 
-/// Where the ray to a point meets the floor, if the point is of the floor.
+/// Returns the intersection of the ray to a point with the floor, if the point belongs to the floor.
 fn flattened(point: Vec3, floor: Plane) -> Vec3 {
     if floor.signed_distance_m(point).abs() > FLOOR_M + FLOOR_SHARE * point.length() {
         return point;
     }
     let scale = floor.offset_m / floor.normal.dot(point);
-    // Near the horizon a small height is a long way.
+    // Near the horizon a small height is a long distance.
     if (scale - 1.0).abs() < 2.0 * TEAR_SHARE { point * scale } else { point }
 }
 
@@ -97,8 +97,8 @@ mod tests {
             let (u, v, _) = frame.camera.project(*position_m).unwrap();
             assert!((u as f32 / 8.0 - uv[0]).abs() < 1e-5 && (v as f32 / 6.0 - uv[1]).abs() < 1e-5);
         }
-        // 7 × 5 squares, less the six across the step (four along its top, two more along its side), but of the one at its
-        // corner a triangle is on the wall; one triangle misses the corner without a reading.
+        // 7 × 5 squares, minus the six across the step (four along its top, two more along its side). Of the square
+        // at its corner, one triangle is on the wall; one triangle misses the corner without a reading.
         assert_eq!(mesh.triangles.len(), 2 * (35 - 6) + 1 - 1);
         for triangle in &mesh.triangles {
             let [a, b, c] = triangle.map(|i| mesh.positions_m[i as usize]);

@@ -1,10 +1,10 @@
-//! PLY, binary little-endian: one vertex a point, for MeshLab, CloudCompare, Open3D and Blender.
+//! PLY, binary little-endian: one vertex per point, for MeshLab, CloudCompare, Open3D and Blender.
 
 use crate::header::{GENERATOR, UNITS};
 use crate::points::Point;
 use crate::probe::ProbeFile;
 
-/// The vertex's properties in file order.
+/// Vertex properties in file order.
 const PROPERTIES: [(&str, &str); 15] = [
     ("float", "x"),
     ("float", "y"),
@@ -23,13 +23,13 @@ const PROPERTIES: [(&str, &str); 15] = [
     ("float", "seen"),
 ];
 
-/// One more, of scenes onto which a panorama was laid.
+/// Additional property of scenes with a panorama.
 const PANORAMA: (&str, &str) = ("float", "panorama");
 
-/// Bytes of a vertex: thirteen floats and three bytes at most.
+/// Largest size of a vertex, bytes: thirteen floats and three bytes.
 const VERTEX_BYTES: usize = 13 * 4 + 3;
 
-/// The whole file, with what it says of its axes; `panorama` says whether a panorama was laid onto the scene.
+/// Encodes the whole file. `frame` describes its axes; `panorama` tells whether the scene has a panorama.
 pub(crate) fn encode(points: &[Point], frame: &str, probes: &[ProbeFile], panorama: bool) -> Vec<u8> {
     let mut header = format!("ply\nformat binary_little_endian 1.0\ncomment {GENERATOR}\n");
     header += &format!("comment frame: {frame}\n");

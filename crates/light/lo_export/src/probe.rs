@@ -1,49 +1,49 @@
-//! The light probe's file beside the scene.
+//! Files of light probes beside the scene.
 
 use std::path::Path;
 
 use lo_geometry::{Orientation, Vec3};
 use lo_imaging::{EnvironmentLayout, ExrOptions, RadianceImage};
 
-use crate::beside::Beside;
 use crate::header::{GENERATOR, SOFTWARE, UNITS};
-use crate::level::Level;
+use crate::sibling_file::SiblingFile;
+use crate::world_frame::WorldFrame;
 use crate::{ExportError, Format};
 
-/// The light that arrives at one point of the scene.
+/// Light that arrives at one point of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct LightProbe<'a> {
-    /// Equirectangular panorama in our own orientation: centre −Z, +X to its right.
+    /// Equirectangular panorama in this project's orientation: centre −Z, +X to its right.
     pub radiance: &'a RadianceImage,
-    /// The point, in metres.
+    /// Position in metres.
     pub position_m: Vec3,
 }
 
-/// A probe on its way to a file.
+/// A light probe prepared for its file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProbeFile {
-    /// Where it is written.
-    pub file: Beside,
-    /// Where it was taken, in metres of the camera's frame.
+    /// Path and name of the file.
+    pub file: SiblingFile,
+    /// Position in metres, in the camera's frame.
     pub position_m: Vec3,
-    /// How the panorama lies, in words.
+    /// Description of the panorama's orientation.
     pub convention: &'static str,
-    /// The panorama, turned for the format's readers.
+    /// The panorama, in the orientation that the format's readers expect.
     panorama: RadianceImage,
 }
 
 impl ProbeFile {
-    /// Names the file `<stem of scene>_probe.exr`, `…_probe2.exr` for the second one, and turns the panorama from the camera's
-    /// frame to the world's and as the format's readers expect it.
+    /// Names the file `<stem of scene>_probe.exr` (`…_probe2.exr` for the second one). Rotates the panorama from the
+    /// camera's frame to the world's and to the orientation that the format's readers expect.
     ///
     /// # Errors
-    /// Where the panorama is not equirectangular, or where the scene's name cannot stand in a text file.
+    /// If the panorama is not equirectangular, or the scene's name cannot be used in a text file.
     pub fn beside(
         scene: &Path,
         index: usize,
         format: Format,
         probe: LightProbe,
-        level: Level,
+        level: WorldFrame,
     ) -> Result<Self, ExportError> {
         let (width, height) = (probe.radiance.width(), probe.radiance.height());
         if height == 0 || width != 2 * height {
@@ -56,7 +56,7 @@ impl ProbeFile {
             Format::Glb => (Orientation::Threejs, "equirectangular, centre +X, +Y up (three.js)"),
             Format::Ply | Format::Usda => (Orientation::Openexr, "equirectangular, centre +Z, +Y up (OpenEXR, USD)"),
         };
-        let panorama = if level == Level::CAMERA {
+        let panorama = if level == WorldFrame::CAMERA {
             lo_imaging::reorient(probe.radiance, Orientation::Lightoctree, orientation)
         } else {
             let camera_from_map = (orientation.map_from_world() * level.rotation).transpose();
@@ -66,7 +66,7 @@ impl ProbeFile {
             })
         };
         let ending = if index == 0 { "probe.exr".to_owned() } else { format!("probe{}.exr", index + 1) };
-        Ok(Self { file: Beside::new(scene, &ending)?, position_m: probe.position_m, convention, panorama })
+        Ok(Self { file: SiblingFile::new(scene, &ending)?, position_m: probe.position_m, convention, panorama })
     }
 
     /// Writes the OpenEXR file.
@@ -92,7 +92,7 @@ mod tests {
 
     use super::*;
 
-    /// A panorama whose pixels hold their own direction.
+    /// A panorama whose pixels contain their own direction.
     fn directions() -> RadianceImage {
         RadianceImage::from_fn(64, 32, |x, y| pixel_direction(x, y, 64, 32).to_array())
     }
@@ -100,12 +100,12 @@ mod tests {
     fn turned(format: Format) -> ProbeFile {
         let panorama = directions();
         let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
-        ProbeFile::beside(Path::new("folder/my room.x"), 0, format, probe, Level::CAMERA).unwrap()
+        ProbeFile::beside(Path::new("folder/my room.x"), 0, format, probe, WorldFrame::CAMERA).unwrap()
     }
 
     #[test]
     fn each_format_sees_every_direction_where_it_looks() {
-        // What the readers do, from their sources: u of a direction. v is ours.
+        // u of a direction, from the readers' source code. v is as ours.
         let openexr = |d: Vec3| 0.5 - d.x.atan2(d.z) / std::f32::consts::TAU;
         let threejs = |d: Vec3| 0.5 + d.z.atan2(d.x) / std::f32::consts::TAU;
         type Reader = fn(Vec3) -> f32;
@@ -125,14 +125,14 @@ mod tests {
     #[test]
     fn a_levelled_probe_shows_the_room_where_the_world_has_it() {
         let up = Vec3::new(0.1, 0.9, 0.4).normalize();
-        let level = Level::of(Some(&lo_scene::Room { up, planes: Vec::new() })).unwrap();
+        let level = WorldFrame::of(Some(&lo_scene::Room { up, planes: Vec::new() })).unwrap();
         let panorama = directions();
         let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
         let file = ProbeFile::beside(Path::new("room.usda"), 1, Format::Usda, probe, level).unwrap();
         assert_eq!(file.file.name, "room_probe2.exr");
-        // The topmost row is the world's up, which the camera's frame has at `up`.
+        // The topmost row is the world's up, which is `up` in the camera's frame.
         assert!(Vec3::from(file.panorama[(9, 0)]).angle_between(up) < 0.1);
-        // The middle is +Z of the world.
+        // The centre is the world's +Z.
         let back = level.rotation.transpose() * Vec3::Z;
         assert!(Vec3::from(file.panorama[(32, 16)]).angle_between(back) < 0.1);
     }
@@ -141,7 +141,7 @@ mod tests {
     fn probes_nowhere_are_refused() {
         let panorama = directions();
         let nowhere = LightProbe { radiance: &panorama, position_m: Vec3::NAN };
-        let error = ProbeFile::beside(Path::new("a.ply"), 0, Format::Ply, nowhere, Level::CAMERA).unwrap_err();
+        let error = ProbeFile::beside(Path::new("a.ply"), 0, Format::Ply, nowhere, WorldFrame::CAMERA).unwrap_err();
         assert!(matches!(error, ExportError::ProbePosition(_)));
     }
 
@@ -150,7 +150,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let panorama = directions();
         let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
-        let file = ProbeFile::beside(&folder.path().join("room.usda"), 0, Format::Usda, probe, Level::CAMERA).unwrap();
+        let file =
+            ProbeFile::beside(&folder.path().join("room.usda"), 0, Format::Usda, probe, WorldFrame::CAMERA).unwrap();
         file.write().unwrap();
         assert_eq!(lo_imaging::read_radiance(&file.file.path).unwrap(), file.panorama);
     }

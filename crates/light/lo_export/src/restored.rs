@@ -1,4 +1,4 @@
-//! The photo's radiance with what the scene knows of its clipped highlights.
+//! The photo's radiance with clipped highlights restored from the octree.
 
 use std::collections::HashMap;
 
@@ -8,32 +8,38 @@ use lo_octree::{LightOctree, xyz_from_key};
 use lo_scene::{Frame, LitScene};
 
 use crate::free_space::{self, Leaf};
-use crate::sources::Kept;
+use crate::lamps::FaceEmission;
 
-/// [`radiance`] of a scene, with its emitters as they were edited.
-pub(crate) fn of_scene(scene: &LitScene, leaves: &[Leaf], kept: &[Kept]) -> Option<RadianceImage> {
+/// Returns [`radiance`] of a scene with its light edits.
+pub(crate) fn of_scene(scene: &LitScene, leaves: &[Leaf], kept: &[FaceEmission]) -> Option<RadianceImage> {
     let Some(change) = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref()) else {
         return radiance(&scene.frame, &scene.light, leaves, kept);
     };
-    // The photo shows the light of before.
+    // The photo shows the light before edits.
     let before = LightOctree { rgba: change.before.clone(), ..scene.light.clone() };
     let leaves_before = free_space::leaves(&before, None);
-    let all = vec![Kept::All; leaves_before.len()];
+    let all = vec![FaceEmission::All; leaves_before.len()];
     let mut edited = radiance(&scene.frame, &before, &leaves_before, &all).unwrap_or_else(|| scene.frame.radiance());
     ImageChange::new(&scene.light, change).photo(&mut edited, &scene.frame.camera);
     let of_node = of_node(leaves, kept);
     for_clipped(&scene.frame, &scene.light, &of_node, |at, (_, kept)| {
-        if *kept != Kept::All {
-            edited[at] = Kept::UpToWhite.of(edited[at]);
+        if *kept != FaceEmission::All {
+            edited[at] = FaceEmission::UpToWhite.of(edited[at]);
         }
     });
     Some(edited)
 }
 
-/// The photo's radiance; pixels that the sensor clipped have that of their leaf where it is brighter, as much as its faces keep.
+/// Returns the photo's radiance. Pixels that the sensor clipped get the radiance that the faces of their leaf emit,
+/// if it is brighter.
 ///
-/// `None` where there is no such pixel: then the photo itself will do.
-pub(crate) fn radiance(frame: &Frame, light: &LightOctree, leaves: &[Leaf], kept: &[Kept]) -> Option<RadianceImage> {
+/// Returns `None` if there is no such pixel, so that the photo itself can be used.
+pub(crate) fn radiance(
+    frame: &Frame,
+    light: &LightOctree,
+    leaves: &[Leaf],
+    kept: &[FaceEmission],
+) -> Option<RadianceImage> {
     let of_node = of_node(leaves, kept);
     let mut radiance = frame.radiance();
     let mut changed = false;
@@ -48,18 +54,18 @@ pub(crate) fn radiance(frame: &Frame, light: &LightOctree, leaves: &[Leaf], kept
     changed.then_some(radiance)
 }
 
-type OfNode<'a> = HashMap<(u32, [u32; 3]), (&'a Leaf, &'a Kept)>;
+type LeavesByNode<'a> = HashMap<(u32, [u32; 3]), (&'a Leaf, &'a FaceEmission)>;
 
-fn of_node<'a>(leaves: &'a [Leaf], kept: &'a [Kept]) -> OfNode<'a> {
+fn of_node<'a>(leaves: &'a [Leaf], kept: &'a [FaceEmission]) -> LeavesByNode<'a> {
     leaves.iter().zip(kept).map(|(leaf, kept)| ((leaf.depth, leaf.xyz), (leaf, kept))).collect()
 }
 
-/// Each clipped pixel whose leaf is known.
+/// Calls `with` for each clipped pixel whose leaf is found.
 fn for_clipped(
     frame: &Frame,
     light: &LightOctree,
-    of_node: &OfNode,
-    mut with: impl FnMut((usize, usize), (&Leaf, &Kept)),
+    of_node: &LeavesByNode,
+    mut with: impl FnMut((usize, usize), (&Leaf, &FaceEmission)),
 ) {
     let depth = light.octree.depth();
     let edge_m = light.cube.node_edge_m(depth);
@@ -70,7 +76,7 @@ fn for_clipped(
             let Some(point) = frame.point(x * columns / clipped.width(), y * rows / clipped.height()) else {
                 continue;
             };
-            // A surface may lie a leaf before or behind its reading.
+            // A surface may be a leaf in front of or behind its reading.
             let leaf = [0.0, 1.0, -1.0].into_iter().find_map(|leaves| {
                 let (depth, node) = light.locate(point + point.normalize_or_zero() * (leaves * edge_m), depth)?;
                 of_node.get(&(depth, xyz_from_key(light.octree.levels()[depth as usize].keys[node])))
@@ -100,10 +106,10 @@ mod tests {
         let camera = Camera::new(5.0, 5.0, 4.0, 3.0, 8, 6).unwrap();
         let frame = Frame::new(Photo::Srgb8(photo), Image::new(8, 6, vec![1.75; 48]), camera, 1.0).unwrap();
         let leaves = free_space::leaves(&light, None);
-        let whole = radiance(&frame, &light, &leaves, &vec![Kept::All; leaves.len()]).unwrap();
+        let whole = radiance(&frame, &light, &leaves, &vec![FaceEmission::All; leaves.len()]).unwrap();
         assert_eq!(whole[(1, 3)], [5.0, 4.0, 3.0]);
         assert_eq!(whole[(6, 3)], frame.radiance()[(6, 3)]);
-        // With a lamp before the wall the faces have no more than white, which the photo has, too.
-        assert_eq!(radiance(&frame, &light, &leaves, &vec![Kept::UpToWhite; leaves.len()]), None);
+        // With a lamp in front of the wall, the faces emit no more than white, as in the photo.
+        assert_eq!(radiance(&frame, &light, &leaves, &vec![FaceEmission::UpToWhite; leaves.len()]), None);
     }
 }

@@ -1,4 +1,4 @@
-//! The visible faces of the leaves as a mesh of quads that share their corners.
+//! Visible faces of the leaves as a mesh of quads with shared corners.
 
 use std::collections::HashMap;
 
@@ -6,7 +6,7 @@ use lo_geometry::{Cube, Vec3};
 use lo_scene::Frame;
 
 use crate::free_space::{FACES, Leaf};
-use crate::sources::Kept;
+use crate::lamps::FaceEmission;
 
 /// Quads with radiance.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -15,22 +15,23 @@ pub(crate) struct RoomMesh {
     pub positions_m: Vec<Vec3>,
     /// Edge of the largest leaf at each position, in metres.
     pub edges_m: Vec<f32>,
-    /// Corners of each quad, counter-clockwise seen from the room's air.
+    /// Corners of each quad, counter-clockwise seen from free space.
     pub quads: Vec<[u32; 4]>,
     /// Linear RGB radiance at the corners of each quad.
     pub radiance: Vec<[[f32; 3]; 4]>,
 }
 
-/// All exposed faces of the leaves of an octree of `depth`, with what `kept` says of each leaf's radiance.
+/// Creates all exposed faces of the leaves of an octree of `depth`; `kept` is the part of each leaf's radiance that
+/// they emit.
 ///
-/// Faces share corners, and a corner has the mean radiance of its faces: smooth shading between the leaves that keeps the
-/// power of a flat wall.
-pub(crate) fn from_leaves(leaves: &[Leaf], kept: &[Kept], cube: &Cube, depth: u32) -> RoomMesh {
+/// Faces share corners, and a corner has the mean radiance of its faces: smooth shading that keeps the power of a
+/// flat wall.
+pub(crate) fn from_leaves(leaves: &[Leaf], kept: &[FaceEmission], cube: &Cube, depth: u32) -> RoomMesh {
     let finest_edge_m = cube.node_edge_m(depth);
     let mut mesh = RoomMesh::default();
     let mut sums: Vec<(Vec3, f32)> = Vec::new();
     let mut vertices: HashMap<[u32; 3], u32> = HashMap::new();
-    for (leaf, kept) in leaves.iter().zip(kept).filter(|(_, kept)| **kept != Kept::Nothing) {
+    for (leaf, kept) in leaves.iter().zip(kept).filter(|(_, kept)| **kept != FaceEmission::Nothing) {
         let radiance = Vec3::from(kept.of(leaf.radiance()));
         for face in leaf.exposed_faces() {
             let quad = corners(leaf.xyz, face).map(|corner| {
@@ -61,12 +62,12 @@ pub(crate) fn from_leaves(leaves: &[Leaf], kept: &[Kept], cube: &Cube, depth: u3
 }
 
 impl RoomMesh {
-    /// Draws what the photo sees back to where the photo sees it, and half a leaf behind it, along the photo's rays: the steps of
-    /// the leaves become a sheet that closes the gaps of a finer mesh before it.
+    /// Moves observed parts along the photo's rays to half a leaf behind the photo's depth. The staircase of leaves
+    /// becomes a sheet that closes the gaps of a finer mesh in front of it.
     ///
-    /// A vertex moves where it lies up to four leaves before that place: the photo saw through there. Steps of a floor that is
-    /// seen from low are so far before it.
-    pub fn put_behind(&mut self, frame: &Frame) {
+    /// A vertex moves if it is up to four leaves in front of that position, because the photo observed free space
+    /// there. Steps of a floor seen from a low viewpoint are that far in front.
+    pub fn move_behind_photo(&mut self, frame: &Frame) {
         let camera = frame.depth_camera();
         let depth_m = &frame.depth_m;
         for (position_m, &edge_m) in self.positions_m.iter_mut().zip(&self.edges_m) {
@@ -80,7 +81,7 @@ impl RoomMesh {
             }
             let columns = x.saturating_sub(1)..(x + 2).min(depth_m.width());
             let near = columns.flat_map(|x| (y.saturating_sub(1)..(y + 2).min(depth_m.height())).map(move |y| (x, y)));
-            // The farthest reading nearby of the same surface.
+            // The farthest nearby reading of the same surface.
             let farthest = near.map(|at| depth_m[at]).filter(|near| (near - seen).abs() < edge_m).fold(seen, f32::max);
             let behind = farthest + 0.5 * edge_m;
             if z < behind {
@@ -90,12 +91,12 @@ impl RoomMesh {
     }
 }
 
-/// Corners of a face of the node at `xyz`, counter-clockwise seen from outside.
+/// Returns the corners of a face of the node at `xyz`, counter-clockwise seen from outside.
 fn corners(xyz: [u32; 3], face: usize) -> [[u32; 3]; 4] {
     let axis = face / 2;
     let positive = FACES[face][axis] > 0;
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-    // Counter-clockwise about +axis, because u × v = +axis; the other way round for the opposite face.
+    // Counter-clockwise about +axis, because u × v = +axis; reversed for the opposite face.
     let turn = if positive { [(0, 0), (1, 0), (1, 1), (0, 1)] } else { [(0, 0), (0, 1), (1, 1), (1, 0)] };
     turn.map(|(du, dv)| {
         let mut corner = xyz;
@@ -110,12 +111,12 @@ fn corners(xyz: [u32; 3], face: usize) -> [[u32; 3]; 4] {
 mod tests {
     use super::*;
     use crate::test_scene::box_room;
-    use crate::{free_space, sources};
+    use crate::{free_space, lamps};
 
     fn mesh() -> RoomMesh {
         let scene = box_room();
         let leaves = free_space::leaves(&scene.light, None);
-        let kept = sources::kept(&leaves, &[]);
+        let kept = lamps::face_emission(&leaves, &[]);
         from_leaves(&leaves, &kept, &scene.light.cube, 3)
     }
 
@@ -132,7 +133,7 @@ mod tests {
                 assert!((b - a).cross(c - a).dot(-(a + b + c)) > 0.0, "{quad:?} is seen from inside");
             }
         }
-        // Corner-shared radiance: the middle of the lamp has the lamp's own, a corner of the room the wall's.
+        // With shared corners, the middle of the lamp has the lamp's radiance, a corner of the room the wall's.
         let at = |p: Vec3| {
             let of_quad = |(quad, radiance): (&[u32; 4], &[[f32; 3]; 4])| {
                 quad.iter().position(|&i| mesh.positions_m[i as usize] == p).map(|corner| radiance[corner])
@@ -151,8 +152,9 @@ mod tests {
         let frame = box_room().frame.clone();
         let before = mesh();
         let mut mesh = before.clone();
-        mesh.put_behind(&frame);
-        // The photo sees a wall at 1.5 m, of 8 × 6 pixels with f = 5: every vertex up to four cells before it goes to 1.75 m.
+        mesh.move_behind_photo(&frame);
+        // The photo shows a wall at 1.5 m, 8 × 6 pixels with f = 5: every vertex up to four cells in front moves to
+        // 1.75 m.
         let mut moved = 0;
         for (old, new) in before.positions_m.iter().zip(&mesh.positions_m) {
             let seen = frame.camera.project(*old).filter(|&(u, v, _)| frame.camera.contains(u, v));
@@ -166,7 +168,7 @@ mod tests {
                 assert_eq!(old, new);
             }
         }
-        // The rows and columns of the grid that the photo contains.
+        // The rows and columns of the grid within the photo.
         assert!(moved >= 15, "{moved}");
     }
 }

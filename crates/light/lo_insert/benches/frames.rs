@@ -1,6 +1,6 @@
-//! One frame of an object in a box room, 480 × 320, at each quality: `cargo bench -p lo_insert`.
+//! Benchmark of one frame with an object in a box room, 480 × 320, at each quality: `cargo bench -p lo_insert`.
 //!
-//! `first` has to gather the light on real surfaces that the object darkens, `later` finds it known.
+//! `first` gathers the light on the shadowed real surfaces, `later` has it cached.
 
 use divan::{Bencher, black_box};
 use lo_geometry::{Camera, Cube, Plane, Vec3};
@@ -14,7 +14,7 @@ const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
 const HIGH: Vec3 = Vec3::new(2.0, 1.5, 1.0);
 const WIDTH: usize = 480;
 const HEIGHT: usize = 320;
-/// About 20,000 pixels of the picture.
+/// Radius for about 20,000 visible pixels.
 const RADIUS_M: f32 = 0.5;
 const CENTRE: Vec3 = Vec3::new(0.2, LOW.y + RADIUS_M, -2.4);
 
@@ -47,10 +47,10 @@ fn scene() -> LitScene {
     let photo: RadianceImage = Image::from_fn(WIDTH, HEIGHT, |x, y| wall_radiance(seen(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -seen(x, y).z);
     let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).expect("photo and depth have one size");
-    LitScene::as_seen(light, frame)
+    LitScene::observed_only(light, frame)
 }
 
-/// A sphere of 32 × 64 quads, glossy like gold or matte.
+/// Creates a sphere of 32 × 64 quads, glossy gold or matte.
 fn sphere(metallic: f32) -> PreparedModel {
     let (rows, columns) = (32u32, 64u32);
     let at = |row: u32, column: u32| {

@@ -1,13 +1,13 @@
-//! Long loops in batches, between which a handler of events can end them.
+//! Long loops in batches, between which an event handler can cancel them.
 
 use std::ops::Range;
 
 use lo_events::{Cancelled, OnEvent, Stage, progress};
 
-/// Cones of one batch: some tenths of a second of work, so that batches cost nothing.
+/// Cones per batch: some tenths of a second of work, so that the overhead is negligible.
 const CONES_PER_BATCH: usize = 1 << 23;
 
-/// How far a stage of several loops is.
+/// Progress of a stage with several loops.
 pub(crate) struct Batches<'a> {
     on_event: OnEvent<'a>,
     stage: Stage,
@@ -16,12 +16,12 @@ pub(crate) struct Batches<'a> {
 }
 
 impl<'a> Batches<'a> {
-    /// Of a stage with so many items in all of its loops.
+    /// Starts a stage with a total number of items in all of its loops.
     pub fn new(on_event: OnEvent<'a>, stage: Stage, total: usize) -> Self {
         Self { on_event, stage, done: 0, total }
     }
 
-    /// One loop over `count` items of so many cones each; a batch is a multiple of `unit` items.
+    /// Runs one loop over `count` items with a number of cones each; a batch is a multiple of `unit` items.
     pub fn each<T>(
         &mut self,
         count: usize,

@@ -1,8 +1,8 @@
-/// Why an object cannot be inserted.
+/// Reasons why an object cannot be inserted.
 #[derive(Debug, thiserror::Error)]
 pub enum InsertError {
-    /// The pixel does not lie in the photo.
-    #[error("pixel ({u}, {v}) lies outside of the {width} × {height} photo")]
+    /// The pixel is outside of the photo.
+    #[error("pixel ({u}, {v}) is outside the {width} × {height} photo")]
     PixelOutside {
         /// Horizontal position in pixels.
         u: f64,
@@ -13,7 +13,7 @@ pub enum InsertError {
         /// Photo height in pixels.
         height: usize,
     },
-    /// No surface is known at the pixel.
+    /// The depth map has no reading at the pixel.
     #[error("the depth map has no reading at pixel ({u}, {v}); choose another pixel or give the position in metres")]
     NoDepth {
         /// Horizontal position in pixels.
@@ -24,11 +24,11 @@ pub enum InsertError {
     /// A number of the placement is NaN, infinite or out of range.
     #[error("placement: {name} must be {needed}, got {found}")]
     Placement {
-        /// Which number.
+        /// Name of the number.
         name: &'static str,
-        /// What it must be.
+        /// Valid values.
         needed: &'static str,
-        /// What it is.
+        /// Actual value.
         found: String,
     },
     /// The model has no extent to scale.
@@ -37,15 +37,15 @@ pub enum InsertError {
     /// One of several objects cannot be inserted.
     #[error("object {}: {source}", .object + 1)]
     Object {
-        /// Which one, from 0.
+        /// Index of the object, from 0.
         object: usize,
-        /// Why.
+        /// Reason.
         source: Box<InsertError>,
     },
-    /// An object that others carry is not above them.
+    /// The object is not above its carrier.
     #[error("{0}")]
     NotCarried(&'static str),
-    /// A height was asked for of a model that has none.
+    /// A height was requested for a flat model.
     #[error("the mesh is flat and has no height; give a scale")]
     Flat,
     /// The environment map cannot light anything.
@@ -54,22 +54,22 @@ pub enum InsertError {
     /// The lighting octree cannot be traced.
     #[error("the scene's lighting octree: {0}")]
     Octree(#[from] lo_cone::TracerError),
-    /// The handler of events asked for the end.
+    /// The event handler cancelled the job.
     #[error(transparent)]
     Cancelled(#[from] lo_events::Cancelled),
-    /// The path's JSON text cannot be read.
+    /// The path's JSON cannot be parsed.
     #[error("path: {0}")]
     PathSyntax(#[from] serde_json::Error),
-    /// The path's keyframes make no sense.
+    /// The path's keyframes are invalid.
     #[error("path: {0}")]
     Path(String),
-    /// The layout's text cannot be read, or makes no sense.
+    /// The layout cannot be parsed or is invalid.
     #[error("layout: {0}")]
     Layout(String),
 }
 
 impl InsertError {
-    /// The error as that of object number `object`.
+    /// Wraps the error as that of object number `object`.
     pub(crate) fn of(self, object: usize) -> Self {
         Self::Object { object, source: Box::new(self) }
     }

@@ -18,59 +18,60 @@ use crate::quality::Counts;
 use crate::shade::composite::{Composite, Layers};
 use crate::shade::gloss::Gloss;
 use crate::shade::shader::Shader;
-use crate::shade::visibility::{TILE, TileView, Viewer, coverage_pattern, is_in_view, seen_window};
+use crate::shade::visibility::{RayCaster, TILE, TileView, coverage_pattern, is_in_view, seen_window};
 use crate::shadow::backdrop::Backdrop;
 use crate::shadow::field::{Caster, ShadowField};
 use crate::shadow::ratio::ShadowRatio;
 use crate::shadow::silhouette::Silhouettes;
+use crate::surface::observed_surfaces::{SurfaceMap, without_photo};
 use crate::surface::occluders::Occluders;
 use crate::surface::receivers::PATTERNS;
-use crate::surface::seen_surfaces::{SurfaceMap, without_photo};
 use crate::{Base, InsertError, Instance, Lighting, Quality};
 
-/// Share of the base that must be carried, or the object falls.
+/// Smallest supported share of an object's base without a warning.
 const MIN_SUPPORT: f32 = 0.5;
 
-/// Another object carries what stands this near above or below its surface, in metres.
+/// Largest height of a supported point above or below the surface of a carrier, metres.
 const CARRIES_M: f32 = 0.01;
 
-/// Longer side from which on a photo is large.
+/// Smallest longer side of a large photo, pixels.
 const LARGE_SIDE: usize = 1440;
 
-/// What the picture shows of an object.
+/// Visibility of an object in the photo.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
-    /// Any of it.
+struct ObjectVisibility {
+    /// Whether any part is visible.
     shows: bool,
-    /// Something stands before it.
+    /// Whether any part is hidden.
     hides: bool,
 }
 
-/// Puts objects into the photo of one scene.
+/// Inserts objects into the photo of one scene.
 ///
-/// It holds what does not depend on the objects: the tracers with the main lights split off, the real surfaces, and the light on them
-/// as far as it was needed.
+/// It holds everything that does not depend on the objects: the tracers with the main lights split off, the real
+/// surfaces, and their irradiance, computed on demand.
 pub struct Inserter {
     frame: Frame,
     environment: Environment,
     occluders: Occluders,
-    /// For the light that real surfaces in the objects' shadow send to them.
+    /// Shadow for the light that real surfaces near the objects reflect to them.
     coarse: ShadowField,
     fine: ShadowField,
     directions: Vec<Vec3>,
     counts: Counts,
-    /// The octree's cube, for warnings.
+    /// Cube of the octree, for warnings.
     cube: lo_geometry::Cube,
-    /// Of what carries objects: 0 for no mirror image.
+    /// Gloss of the supporting surface; 0 for no reflection.
     floor_gloss: f32,
 }
 
 impl Inserter {
-    /// Prepares a scene; takes some tenths of a second at draft quality, in which the light on all real surfaces is gathered at once.
+    /// Prepares a scene. At draft quality, this gathers the light on all real surfaces, which takes some tenths of a
+    /// second.
     ///
     /// # Errors
-    /// Where the environment map is empty or black, or the octree cannot be traced: where its nodes have lobes, give it as it is seen
-    /// from the objects ([`LightOctree::seen_from`](lo_octree::LightOctree::seen_from)).
+    /// If the environment map is empty or black, or the octree cannot be traced. An octree with lobes must first be
+    /// evaluated from the objects ([`LightOctree::seen_from`](lo_octree::LightOctree::seen_from)).
     pub fn new(scene: &LitScene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
         let inserter = Self::unprepared(scene, lighting, quality)?;
         if quality == Quality::Draft {
@@ -79,14 +80,14 @@ impl Inserter {
         Ok(inserter)
     }
 
-    /// [`Inserter::new`] that gathers light only when a picture needs it: for a single picture in this light.
+    /// [`Inserter::new`] that gathers light on demand: for a single image in this light.
     ///
     /// # Errors
-    /// As of [`Inserter::new`].
+    /// As for [`Inserter::new`].
     pub fn unprepared(scene: &LitScene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
         let counts = quality.counts();
         let environment = Environment::new(scene, lighting, &counts)?;
-        // Readings between two surfaces are no receivers of light, but without them an occluder's edge would have gaps.
+        // Flying pixels receive no light, but without them an occluder's edge would have gaps.
         let given = without_photo(&scene.frame);
         let clean = given.without_flying_pixels();
         let surfaces = SurfaceMap::new(&clean);
@@ -108,28 +109,28 @@ impl Inserter {
         })
     }
 
-    /// Gathers the light on all real surfaces now, so that no picture has to.
+    /// Gathers the light on all real surfaces in advance.
     pub fn prepare(&self) {
         self.coarse.prepare(&self.environment);
         self.fine.prepare(&self.environment);
     }
 
-    /// The same with a glossy support: a clear coat of perceptual roughness 1 − `floor_gloss` that mirrors the objects. With 0, as without this, it
-    /// mirrors nothing.
+    /// Sets a glossy support: a clear coat of perceptual roughness 1 − `floor_gloss` that mirrors the objects. With
+    /// 0, the default, it mirrors nothing.
     #[must_use]
     pub fn with_floor_gloss(self, floor_gloss: f32) -> Self {
         Self { floor_gloss: floor_gloss.clamp(0.0, 1.0), ..self }
     }
 
-    /// Keeps reflections as smooth as the octree where nothing was seen, without the photo's
-    /// [`Detail`](lo_lookup::Detail).
+    /// Disables the photo's [`Detail`](lo_lookup::Detail): reflections of unobserved regions stay as smooth as the
+    /// octree.
     #[must_use]
     pub fn without_detail(mut self) -> Self {
         self.environment.remove_detail();
         self
     }
 
-    /// The same for the photo at another size; what is held of the scene does not depend on that.
+    /// Replaces the photo by one of another size; prepared data is kept.
     #[must_use]
     pub fn with_photo(mut self, photo: Photo) -> Self {
         self.frame.camera = self.frame.camera.resized(photo.width() as u32, photo.height() as u32);
@@ -137,12 +138,12 @@ impl Inserter {
         self
     }
 
-    /// One picture with objects that shadow, hide, light and mirror one another; their order does not matter, and without any it is the photo.
-    /// An object that shows nothing gives its shadow alone, and a warning.
+    /// Renders one image with objects that shadow, hide, light and mirror one another. Their order does not matter;
+    /// without objects the image is the photo. A hidden object only casts its shadow, with a warning.
     ///
     /// # Errors
-    /// [`InsertError::Object`] where a number of a placement is not usable, or a model has no extent; [`Cancelled`](lo_events::Cancelled)
-    /// where `on_event` breaks off.
+    /// [`InsertError::Object`] if a number of a placement is invalid or a model has no extent;
+    /// [`Cancelled`](lo_events::Cancelled) if `on_event` cancels.
     pub fn render(&self, instances: &[Instance], on_event: OnEvent<'_>) -> Result<Composite, InsertError> {
         let objects = Objects::new(instances)?;
         let counts = &self.counts;
@@ -178,10 +179,10 @@ impl Inserter {
         let coarse = self.coarse.ratio(&caster(None), Stage::CoarseShadow, on_event)?;
         let patches = patches(&objects, counts.patches);
         let radiosity = stage_of_steps(on_event, Stage::Radiosity, |on_event| {
-            let direct = patches::lit(&gatherer(Some(&coarse), None), &patches);
+            let direct = patches::radiosity(&gatherer(Some(&coarse), None), &patches);
             progress(on_event, Stage::Radiosity, 1, 2)?;
             let reflected = Gatherer { radiosity: Some(&direct), ..gatherer(Some(&coarse), None) };
-            Ok::<_, Cancelled>(patches::lit(&reflected, &patches))
+            Ok::<_, Cancelled>(patches::radiosity(&reflected, &patches))
         })?;
         let shadow = if counts.refines_shadow {
             let smooth = self.coarse.ratio(&caster(Some(&radiosity)), Stage::CoarseShadow, on_event)?;
@@ -209,24 +210,24 @@ impl Inserter {
         })?)
     }
 
-    /// Linear radiance of a photo pixel.
+    /// Returns the linear radiance of a photo pixel.
     fn radiance(&self, pixel: (usize, usize)) -> Vec3 {
         Vec3::from(self.frame.photo.linear_at(pixel)) * self.frame.exposure
     }
 
-    /// Shades what is seen of the objects; tells for each how much of it that is.
+    /// Shades the visible parts of the objects, and returns the visibility of each.
     fn shade_objects(
         &self,
         gatherer: Gatherer,
         layers: &mut Layers,
         on_event: OnEvent<'_>,
-    ) -> Result<Vec<Seen>, Cancelled> {
+    ) -> Result<Vec<ObjectVisibility>, Cancelled> {
         let objects = gatherer.objects;
         let samples = coverage_pattern(self.counts.coverage);
         let camera = self.frame.camera;
         let shader = Shader { gatherer, specular_cones: self.counts.specular_cones, stride: self.shade_stride() };
         let windows: Vec<Option<_>> = objects.iter().map(|object| seen_window(&camera, object)).collect();
-        let mut seen = vec![Seen::default(); objects.len()];
+        let mut seen = vec![ObjectVisibility::default(); objects.len()];
         if windows.iter().all(Option::is_none) {
             return Ok(seen);
         }
@@ -239,44 +240,45 @@ impl Inserter {
         let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
         let tiles: Vec<_> =
             tiles.into_iter().map(|(y, x)| (x, y, (x + TILE).min(width), (y + TILE).min(height))).collect();
-        let (view, fronts) = stage(on_event, Stage::Visibility, || {
+        let (view, occluder_colours) = stage(on_event, Stage::Visibility, || {
             let colour = |pixel| self.colour(pixel);
             let matte = |(object, window): (&Object, &Option<_>)| {
                 window.map(|window| Matte::new(&camera, object, &self.occluders, colour, window))
             };
             let mattes: Vec<Option<Matte>> = objects.iter().zip(&windows).map(matte).collect();
-            let (occluders, thrift) = (&self.occluders, self.counts.thrift);
-            let viewer = Viewer { camera, objects, occluders, mattes: &mattes, samples: &samples, thrift };
+            let (occluders, adaptive_coverage) = (&self.occluders, self.counts.adaptive_coverage);
+            let viewer =
+                RayCaster { camera, objects, occluders, mattes: &mattes, samples: &samples, adaptive_coverage };
             let views: Vec<TileView> = tiles.into_par_iter().map(|tile| viewer.tile(tile)).collect();
             let mut view = TileView::default();
             for tile in views {
                 view.fragments.extend(tile.fragments);
                 view.hidden.extend(tile.hidden);
             }
-            // What hides several objects along one edge: the mean of what is known of it.
-            let mut fronts: HashMap<(usize, usize), (Vec3, f32)> = HashMap::new();
-            for (pixel, front) in mattes.into_iter().flatten().flat_map(|matte| matte.fronts) {
-                let (sum, count) = fronts.entry(pixel).or_default();
+            // An occluder of several objects along one edge has the mean of its estimated colours.
+            let mut occluder_colours: HashMap<(usize, usize), (Vec3, f32)> = HashMap::new();
+            for (pixel, front) in mattes.into_iter().flatten().flat_map(|matte| matte.occluder_colours) {
+                let (sum, count) = occluder_colours.entry(pixel).or_default();
                 (*sum, *count) = (*sum + front, *count + 1.0);
             }
-            (view, fronts)
+            (view, occluder_colours)
         })?;
         let radiance = stage_of_steps(on_event, Stage::Shading, |on_event| shader.shade(&view.fragments, on_event))?;
         layers.add(&view, &radiance);
-        for (pixel, (sum, count)) in fronts {
+        for (pixel, (sum, count)) in occluder_colours {
             let linear = |colour: Vec3| Vec3::from(colour.to_array().map(lo_imaging::linear_from_srgb));
             layers.clear_edge(pixel, (linear(sum / count) - linear(self.colour(pixel))) * self.frame.exposure);
         }
         view.fragments.iter().for_each(|fragment| seen[fragment.object].shows |= fragment.weight > 0.0);
         view.hidden.iter().for_each(|hidden| seen[hidden.object].hides |= hidden.share > 0.0);
         for ((object, seen), window) in objects.iter().zip(&mut seen).zip(&windows) {
-            // Behind another one it has no part in the picture of all.
+            // An object completely behind another has no visible part.
             seen.hides |= !seen.shows && window.is_some_and(|window| is_in_view(&camera, object, window));
         }
         Ok(seen)
     }
 
-    /// Colour of a photo pixel as the eye tells colours apart: in sRGB's range.
+    /// Returns the colour of a photo pixel in sRGB's range, which is perceptually uniform.
     fn colour(&self, pixel: (usize, usize)) -> Vec3 {
         match &self.frame.photo {
             Photo::Srgb8(image) => Vec3::from(image[pixel].map(f32::from)) / 255.0,
@@ -286,8 +288,8 @@ impl Inserter {
         }
     }
 
-    /// Pixels along the side of the blocks that share diffuse light: as many as cover about as much of the picture in large photos
-    /// as in small ones.
+    /// Returns the side in pixels of the blocks that share diffuse light; they cover a similar part of large and
+    /// small photos.
     fn shade_stride(&self) -> usize {
         let large = self.frame.photo.width().max(self.frame.photo.height()) >= LARGE_SIDE;
         self.counts.shade_stride[usize::from(large)]
@@ -297,10 +299,10 @@ impl Inserter {
         &self,
         instances: &[Instance],
         objects: &Objects,
-        seen: &[Seen],
+        seen: &[ObjectVisibility],
     ) -> impl Iterator<Item = Warning> + use<> {
         let of_object = |object: usize| {
-            let Seen { shows, hides } = seen[object];
+            let ObjectVisibility { shows, hides } = seen[object];
             let nothing =
                 if hides { Warning::ObjectHidden { object } } else { Warning::ObjectOutsidePicture { object } };
             let nothing = (!shows).then_some(nothing);
@@ -317,7 +319,8 @@ impl Inserter {
         warnings.into_iter().chain(pairs)
     }
 
-    /// Share of the base of a resting object that real surfaces or other objects carry, where half of it and more can be judged.
+    /// Returns the share of a resting object's base that real surfaces or other objects support; `None` unless half
+    /// of the base can be judged.
     fn supported_share(&self, index: usize, instance: &Instance, objects: &Objects) -> Option<f32> {
         let &Instance { model, placement } = instance;
         placement.support?;
@@ -327,8 +330,8 @@ impl Inserter {
             others.any(|(_, other)| other.blocks(&down, 2.0 * CARRIES_M))
         };
         let known: Vec<Option<bool>> = Base::new(model)
-            .spots(placement.scale, placement.rotation())
-            .map(|spot| placement.position_m + spot)
+            .sample_points(placement.scale, placement.rotation())
+            .map(|point| placement.position_m + point)
             .map(|point| {
                 if on_other(point) {
                     return Some(true);
@@ -343,7 +346,7 @@ impl Inserter {
 
     fn compose(&self, layers: Layers, shadow: &ShadowRatio, reflection: Option<Image<Vec3>>) -> Composite {
         let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
-        // Beyond what the objects reach nothing is looked up.
+        // Pixels outside the objects' reach are not looked up.
         let (left, top, right, bottom) = shadow.reach(width, height);
         let mut ratio = vec![[1.0; 3]; width * height];
         let within = ratio.par_chunks_mut(width).enumerate().skip(top).take(bottom.saturating_sub(top));

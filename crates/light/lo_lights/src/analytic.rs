@@ -29,7 +29,7 @@ const COARSE_PIXELS: f32 = 24.0;
 /// as lamps in Cycles. Suns are occluded by observed surfaces except windows and lamps; inferred walls let them in.
 pub struct AnalyticLights {
     lights: Vec<AnalyticLight>,
-    hides_suns: Option<ConeTracer>,
+    sun_occluders: Option<ConeTracer>,
     /// Directions of the suns, and for suns of the photo where they shine.
     suns: Vec<(Vec3, Option<Sunlit>)>,
     leaf_edge_m: f32,
@@ -48,7 +48,7 @@ impl AnalyticLights {
         Some(Self {
             lights: edited.lights.clone(),
             suns: edited.lights.iter().filter_map(sun).collect(),
-            hides_suns: edited.hides_suns.as_ref().map(tracer),
+            sun_occluders: edited.sun_occluders.as_ref().map(tracer),
             leaf_edge_m: scene.light.cube.node_edge_m(scene.light.octree.depth()),
         })
     }
@@ -82,7 +82,7 @@ impl AnalyticLights {
 
     /// Returns the share of each of these rays that leaves do not occlude.
     fn unoccluded_by_leaves(&self, rays: &[Cone]) -> Vec<f32> {
-        let Some(tracer) = &self.hides_suns else { return vec![1.0; rays.len()] };
+        let Some(tracer) = &self.sun_occluders else { return vec![1.0; rays.len()] };
         let mut samples = vec![ConeSample::default(); rays.len()];
         tracer.trace_batch(rays, &mut samples);
         // Leaves transmit a ten-thousandth, which is bright for a sun.

@@ -73,8 +73,8 @@ pub fn apply_edits(scene: &mut LitScene, edits: &LightEdits, found: &[Emitter]) 
     let lights: Vec<AnalyticLight> = moved.chain(added).collect();
     let octree = change_octree(scene, &edited);
     let sun = lights.iter().any(|light| matches!(light.shape, LightShape::Sun { .. }));
-    let hides_suns = sun.then(|| sun_occluders(&scene.light, found)).flatten();
-    scene.edited = Some(Box::new(EditedLight { octree, lights, hides_suns }));
+    let sun_occluders = sun.then(|| sun_occluders(&scene.light, found)).flatten();
+    scene.edited = Some(Box::new(EditedLight { octree, lights, sun_occluders }));
     Ok(())
 }
 
@@ -85,7 +85,7 @@ pub fn remove_emitters(scene: &mut LitScene, found: &[Emitter]) {
     let edited: Vec<(&Emitter, LightChange)> = found.iter().map(|emitter| (emitter, off)).collect();
     let octree = change_octree(scene, &edited);
     scene.edited =
-        octree.map(|octree| Box::new(EditedLight { octree: Some(octree), lights: Vec::new(), hides_suns: None }));
+        octree.map(|octree| Box::new(EditedLight { octree: Some(octree), lights: Vec::new(), sun_occluders: None }));
 }
 
 /// Returns the gain of an emitter's light per channel.

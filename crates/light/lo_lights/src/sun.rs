@@ -65,7 +65,7 @@ mod tests {
             depth_m: Image::new(4, 4, vec![1.0; 16]),
             exposure: 1.0,
         };
-        let level = Estimate::as_seen(light, frame);
+        let level = Estimate::observed_only(light, frame);
         let up = Vec3::new(0.1, 0.9, 0.3).normalize();
         let tilted = Estimate { room: Some(Room { up, planes: Vec::new() }), ..level.clone() };
         for (azimuth, elevation) in [(0.0, 0.0), (-60.0, 35.0), (170.0, -20.0)] {
@@ -101,7 +101,7 @@ mod tests {
             exposure: 1.0,
         };
         let (light, _) = LightOctree::from_points(&[], Cube::centred(Vec3::ZERO, 4.0), 3, 2).expect("an empty octree");
-        let mut scene = Estimate::as_seen(light, frame);
+        let mut scene = Estimate::observed_only(light, frame);
         let found = sun_from_shadow(&scene, pixel(top), pixel(end)).expect("it falls down");
         assert!(found.angle_between(top - end).to_degrees() < 0.1, "{found}");
         assert_eq!(sun_from_shadow(&scene, pixel(end), pixel(top)), None, "upwards");

@@ -21,7 +21,7 @@ fn scene(cells: &[([u32; 3], [f32; 3])]) -> LitScene {
     let light = LightOctree::from_leaves(keys, rgba, seen, Cube::centred(Vec3::ZERO, 4.0), 4, 2).unwrap();
     let camera = Camera::from_hfov_deg(70.0, 8, 6).unwrap();
     let photo = Photo::Srgb8(Image::from_fn(8, 6, |x, y| [(x * 30) as u8, (y * 40) as u8, 128]));
-    LitScene::as_seen(light, Frame::new(photo, Image::new(8, 6, vec![1.5; 48]), camera, 1.0).unwrap())
+    LitScene::observed_only(light, Frame::new(photo, Image::new(8, 6, vec![1.5; 48]), camera, 1.0).unwrap())
 }
 
 /// The shell of the cube, with this radiance, and a lamp of four leaves in the ceiling.

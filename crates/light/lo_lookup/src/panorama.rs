@@ -3,7 +3,7 @@ use lo_geometry::{Quat, Vec2, Vec3};
 use lo_imaging::Image;
 use lo_lights::ImageChange;
 use lo_octree::LightOctree;
-use lo_scene::{LaidPanorama, LitScene};
+use lo_scene::{LitScene, PanoramaContribution};
 use rayon::prelude::*;
 
 use crate::fade::fade;
@@ -55,7 +55,7 @@ impl PanoramaLookup {
     /// position.
     pub fn new(scene: &LitScene, tracer: &ConeTracer) -> Option<Self> {
         let laid = scene.panorama.as_ref()?;
-        let picture = laid.picture.as_ref()?;
+        let picture = laid.image.as_ref()?;
         let position_m = laid.source.position_m;
         let share = ConeTracer::new(&shares(&scene.light, laid), Settings::default()).ok()?;
         let mut radiance = picture.radiance.clone();
@@ -147,7 +147,7 @@ impl PanoramaLookup {
 }
 
 /// Returns the octree with the panorama's share of each node's light, from 0 to 1, as its radiance.
-fn shares(light: &LightOctree, laid: &LaidPanorama) -> LightOctree {
+fn shares(light: &LightOctree, laid: &PanoramaContribution) -> LightOctree {
     let mut shares = LightOctree { lobes: None, ..light.clone() };
     for (rows, given) in shares.rgba.iter_mut().zip(&laid.share) {
         for (row, given) in rows.iter_mut().zip(given) {

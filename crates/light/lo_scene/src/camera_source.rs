@@ -2,25 +2,25 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Where the intrinsics of a photo's camera come from.
+/// Source of the intrinsics of a photo's camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "from")]
 pub enum CameraSource {
-    /// The photo's EXIF block states the focal length.
+    /// The focal length in the photo's EXIF block.
     Exif,
-    /// A depth model told the field of view from the photo.
+    /// A field of view that a depth model predicted from the photo.
     DepthModel,
-    /// The own network told the field of view from the photo.
+    /// A field of view that the camera network predicted from the photo.
     Network {
-        /// How far off it is expected to be, along the photo's longer side, degrees.
+        /// Expected error along the photo's longer side, degrees.
         deviation_deg: f32,
     },
-    /// Nothing is known; a usual field of view is assumed.
+    /// No source: a typical field of view is assumed.
     Default,
 }
 
 impl CameraSource {
-    /// Whether its numbers can be meant.
+    /// Returns whether the values are valid.
     pub(crate) fn is_valid(&self) -> bool {
         match self {
             Self::Network { deviation_deg } => is_deviation(*deviation_deg),
@@ -29,19 +29,19 @@ impl CameraSource {
     }
 }
 
-/// Whether an angle is finite and not negative.
+/// Returns whether an angle is finite and not negative.
 pub(crate) fn is_deviation(deg: f32) -> bool {
     deg.is_finite() && deg >= 0.0
 }
 
 impl fmt::Display for CameraSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const ELSE: &str = "give --intrinsics or --hfov-deg if you know better";
+        const ELSE: &str = "set --intrinsics or --hfov-deg if known";
         match self {
             Self::Exif => f.write_str("focal length from EXIF"),
-            Self::DepthModel => write!(f, "told by the depth model; {ELSE}"),
-            Self::Network { deviation_deg } => write!(f, "guessed from the photo, ± {deviation_deg:.0}; {ELSE}"),
-            Self::Default => write!(f, "assumed: the photo has no EXIF focal length; {ELSE}"),
+            Self::DepthModel => write!(f, "predicted by the depth model; {ELSE}"),
+            Self::Network { deviation_deg } => write!(f, "predicted from the photo, ± {deviation_deg:.0}; {ELSE}"),
+            Self::Default => write!(f, "default: the photo has no EXIF focal length; {ELSE}"),
         }
     }
 }

@@ -2,8 +2,8 @@ use std::sync::OnceLock;
 
 use crate::Frame;
 
-/// Values computed from an estimate once and kept. They are no part of it: copies begin without, and comparisons ignore
-/// them.
+/// Cache of values computed from an estimate. It is not part of the estimate: clones start empty, and comparisons
+/// ignore it.
 #[derive(Debug, Default)]
 pub struct Derived {
     pub(crate) surface: OnceLock<Frame>,

@@ -1,4 +1,4 @@
-//! The scene file.
+//! Reading and writing of scene files.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -16,35 +16,36 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera_source::is_deviation;
 use crate::{
-    CameraSource, Completion, Estimate, EstimateOrigin, ExpectedLight, Frame, LaidPanorama, LightEdits, ObjectsShown,
-    OtherPhoto, PanoramaPicture, PanoramaSource, Room, SceneError, SceneObjects,
+    CameraSource, Completion, Estimate, EstimateOrigin, ExpectedLight, Frame, LightEdits, ObjectDisplay, OtherPhoto,
+    PanoramaContribution, PanoramaImage, PanoramaSource, Room, SceneError, SceneObjects,
 };
 
-/// Version of the file's layout that this crate writes and reads.
+/// Version of the file format that this crate writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
 
-/// Key in the safetensors `__metadata__` map that holds the JSON block; the only one, because the map has no order.
+/// Key in the safetensors `__metadata__` map that holds the JSON block. There is one key because the map has no
+/// order.
 const METADATA_KEY: &str = "lightoctree";
 
-/// Tensor of what a panorama gave.
+/// Name of the tensor with a panorama's share of each row.
 const PANORAMA_SHARE: &str = "panorama_share";
 
-/// Tensor of the panorama itself.
+/// Name of the tensor with the panorama.
 const PANORAMA: &str = "panorama";
 
-/// Tensor of the light that is expected around the camera.
+/// Name of the tensor with the expected light around the camera.
 const EXPECTED: &str = "expected_light";
 
-/// Tensor of the objects' layout, and what the names of their files' tensors begin with.
+/// Name of the tensor with the objects' layout, and prefix of the names of their files' tensors.
 const OBJECTS: &str = "objects";
 
-/// Longest safetensors header that is parsed; ours have about 10 kB.
+/// Longest safetensors header that is parsed, bytes; typical headers have about 10 kB.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
 
-/// Longest file that is read.
+/// Longest file that is read, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 33;
 
-/// The JSON block.
+/// JSON block of the file.
 #[derive(Serialize, Deserialize)]
 struct Metadata {
     format_version: u32,
@@ -68,7 +69,7 @@ struct Metadata {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     panorama: Option<PanoramaSource>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    panorama_picture: Option<PictureHeader>,
+    panorama_picture: Option<PanoramaHeader>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     expected_light: Option<ExpectedHeader>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -79,34 +80,34 @@ struct Metadata {
     objects: Option<ObjectsHeader>,
 }
 
-/// What is to be known of the objects' tensors.
+/// Metadata of the objects' tensors.
 #[derive(Serialize, Deserialize)]
 struct ObjectsHeader {
     #[serde(flatten)]
-    shown: ObjectsShown,
-    /// The name of each file's tensor's content.
+    shown: ObjectDisplay,
+    /// File names, in the order of the tensors.
     #[serde(default)]
     files: Vec<String>,
 }
 
-/// What is to be known of a panorama's tensor.
+/// Metadata of a panorama's tensor.
 #[derive(Clone, Copy, Serialize, Deserialize)]
-struct PictureHeader {
+struct PanoramaHeader {
     scale: f32,
     world_from_panorama: Quat,
 }
 
-/// What is to be known of the tensor of expected light.
+/// Metadata of the tensor of expected light.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct ExpectedHeader {
     #[serde(flatten)]
-    picture: PictureHeader,
+    image: PanoramaHeader,
     contrast_stops: f32,
 }
 
-impl PictureHeader {
-    fn of(picture: &PanoramaPicture) -> Self {
-        Self { scale: picture.scale(), world_from_panorama: picture.world_from_panorama }
+impl PanoramaHeader {
+    fn of(image: &PanoramaImage) -> Self {
+        Self { scale: image.scale(), world_from_panorama: image.world_from_panorama }
     }
 
     fn is_valid(&self) -> bool {
@@ -115,29 +116,29 @@ impl PictureHeader {
     }
 }
 
-/// The content of a scene file: an estimate with the user's light edits and objects.
+/// Content of a scene file: an estimate with the user's light edits and objects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneFile {
-    /// The estimate, which edits leave as it is.
+    /// The estimate, unchanged by edits.
     pub estimate: Arc<Estimate>,
-    /// The user's changes of its light.
+    /// The user's light edits.
     pub light_edits: LightEdits,
-    /// The objects in its photo.
+    /// The objects inserted in the photo.
     pub objects: SceneObjects,
 }
 
 impl From<Estimate> for SceneFile {
-    /// An estimate without edits and objects.
+    /// Wraps an estimate without edits and objects.
     fn from(estimate: Estimate) -> Self {
         Self { estimate: estimate.into(), light_edits: LightEdits::default(), objects: SceneObjects::default() }
     }
 }
 
 impl SceneFile {
-    /// Writes the scene file, and in it `generator`, the name of the writing program; it appears whole or not at all.
+    /// Writes the scene file atomically. `generator` is the name of the writing program.
     ///
     /// # Errors
-    /// Of the file system, naming the path.
+    /// If the file cannot be written; the error names the path.
     pub fn write(&self, path: &Path, generator: &str) -> Result<(), SceneError> {
         let bytes = self.to_bytes(generator)?;
         write_atomically(path, |out| out.write_all(&bytes)).map_err(SceneError::Write)
@@ -146,7 +147,7 @@ impl SceneFile {
     /// Reads a scene file.
     ///
     /// # Errors
-    /// Of the file system, naming the path, and all of [`SceneFile::from_bytes`].
+    /// If the file cannot be read; the error names the path. Also returns all errors of [`SceneFile::from_bytes`].
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let named = |source| SceneError::Read { path: path.display().to_string(), source };
         let file = File::open(path).map_err(named)?;
@@ -155,28 +156,28 @@ impl SceneFile {
             return Err(SceneError::TooLarge { bytes: length, most: MAX_FILE_BYTES });
         }
         let mut bytes = Vec::with_capacity(length as usize);
-        // A pipe or a growing file has no length that could be trusted.
+        // The length of a pipe or of a growing file is not reliable.
         file.take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(named)?;
         Self::from_bytes(&bytes)
     }
 
-    /// The bytes of the scene file. The same scene gives the same bytes. `generator` names the writing program in them.
+    /// Returns the bytes of the scene file, which are deterministic. `generator` is the name of the writing program.
     ///
     /// # Errors
-    /// Where the scene is larger than the format can hold, or has objects that would not be read.
+    /// If the scene is larger than the format can hold, or has objects that could not be read back.
     pub fn to_bytes(&self, generator: &str) -> Result<Vec<u8>, SceneError> {
         let Self { estimate, light_edits, objects } = self;
         let EstimateOrigin { completion, camera_source, up_deviation_deg, sources, predicted_depth, depth_model } =
             &estimate.origin;
         let objects = (!objects.is_empty()).then_some(objects);
-        if let Some(wrong) = objects.and_then(SceneObjects::wrong) {
+        if let Some(wrong) = objects.and_then(SceneObjects::invalid_field) {
             return Err(SceneError::Objects(wrong));
         }
         let (octree, octree_tensors) = write_tensors(&estimate.light);
-        let picture = estimate.panorama.as_ref().and_then(|laid| laid.picture.as_ref());
-        let picture_header = picture.map(PictureHeader::of);
+        let image = estimate.panorama.as_ref().and_then(|contribution| contribution.image.as_ref());
+        let image_header = image.map(PanoramaHeader::of);
         let expected_header = estimate.expected.as_ref().map(|expected| ExpectedHeader {
-            picture: PictureHeader::of(&expected.picture),
+            image: PanoramaHeader::of(&expected.image),
             contrast_stops: expected.contrast_stops,
         });
         let metadata = Metadata {
@@ -193,8 +194,8 @@ impl SceneFile {
             predicted_depth: *predicted_depth,
             depth_model: depth_model.clone(),
             confidence: estimate.confidence.is_some(),
-            panorama: estimate.panorama.as_ref().map(|laid| laid.source.clone()),
-            panorama_picture: picture_header,
+            panorama: estimate.panorama.as_ref().map(|contribution| contribution.source.clone()),
+            panorama_picture: image_header,
             expected_light: expected_header,
             other_photos: estimate.other_photos.clone(),
             light_edits: light_edits.clone(),
@@ -218,7 +219,7 @@ impl SceneFile {
         tensors.push(("photo".to_owned(), photo));
         let shares = [
             ("confidence", estimate.confidence.as_ref()),
-            (PANORAMA_SHARE, estimate.panorama.as_ref().map(|laid| &laid.share)),
+            (PANORAMA_SHARE, estimate.panorama.as_ref().map(|contribution| &contribution.share)),
         ];
         for (name, shares) in shares {
             if let Some(shares) = shares {
@@ -227,11 +228,11 @@ impl SceneFile {
                 tensors.push((name.to_owned(), tensor));
             }
         }
-        if let (Some(picture), Some(header)) = (picture, picture_header) {
-            tensors.push((PANORAMA.to_owned(), Tensor::picture(picture, header.scale)));
+        if let (Some(image), Some(header)) = (image, image_header) {
+            tensors.push((PANORAMA.to_owned(), Tensor::image(image, header.scale)));
         }
         if let (Some(expected), Some(header)) = (&estimate.expected, expected_header) {
-            tensors.push((EXPECTED.to_owned(), Tensor::picture(&expected.picture, header.picture.scale)));
+            tensors.push((EXPECTED.to_owned(), Tensor::image(&expected.image, header.image.scale)));
         }
         if let Some(SceneObjects { layout, files, .. }) = objects {
             tensors.push((OBJECTS.to_owned(), Tensor::bytes(layout.as_bytes())));
@@ -242,25 +243,25 @@ impl SceneFile {
         safetensors::serialize(tensors, Some(map)).map_err(|e| SceneError::Container(e.to_string()))
     }
 
-    /// Reads the bytes of a scene file.
+    /// Parses the bytes of a scene file.
     ///
-    /// Everything is checked before it is used; what is allocated stays in proportion to the bytes given.
+    /// Everything is validated before use. Allocations are proportional to the length of `bytes`.
     ///
     /// # Errors
-    /// The first thing that is wrong, by name.
+    /// For the first invalid item, by name.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, SceneError> {
         if let Some(length) = bytes.first_chunk().map(|&length| u64::from_le_bytes(length))
             && length > MAX_HEADER_BYTES
         {
             return Err(SceneError::Container(format!(
-                "its first eight bytes announce a header of {length} bytes, at most {MAX_HEADER_BYTES} are believed"
+                "its first eight bytes state a header of {length} bytes; at most {MAX_HEADER_BYTES} are accepted"
             )));
         }
         let container = |e: safetensors::SafeTensorError| SceneError::Container(e.to_string());
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(container)?;
         let json = header.metadata().as_ref().and_then(|map| map.get(METADATA_KEY));
         let json = json.ok_or(SceneError::NoMetadata { key: METADATA_KEY })?;
-        // The version alone first: another version may have another layout.
+        // Read the version alone first: another version may have another layout.
         #[derive(Deserialize)]
         struct Version {
             format_version: u32,
@@ -272,14 +273,14 @@ impl SceneFile {
         }
         let metadata: Metadata = serde_json::from_str(json).map_err(parse_error)?;
         if !metadata.room.as_ref().is_none_or(Room::is_valid) {
-            return Err(SceneError::Metadata("the room's directions are not of unit length".to_owned()));
+            return Err(SceneError::Metadata("the room's directions must have unit length".to_owned()));
         }
         let deviations = metadata.up_deviation_deg.is_none_or(is_deviation);
         if !(deviations && metadata.camera_source.is_none_or(|source| source.is_valid())) {
-            return Err(SceneError::Metadata("a deviation that is no angle".to_owned()));
+            return Err(SceneError::Metadata("an expected angular error is not a valid angle".to_owned()));
         }
         if !metadata.other_photos.iter().all(OtherPhoto::is_valid) {
-            return Err(SceneError::Metadata("the pose or camera of one of its other photos".to_owned()));
+            return Err(SceneError::Metadata("the pose or camera of one of its other photos is invalid".to_owned()));
         }
         metadata.light_edits.check().map_err(SceneError::Metadata)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
@@ -308,7 +309,7 @@ impl SceneFile {
             panorama.map(|source| read_panorama(&tensors, source, panorama_picture, &light.rgba)).transpose()?;
         let origin =
             EstimateOrigin { completion, camera_source, up_deviation_deg, sources, predicted_depth, depth_model };
-        let observed = Estimate::as_seen(light, frame);
+        let observed = Estimate::observed_only(light, frame);
         let estimate = Estimate { room, confidence, expected, panorama, other_photos, origin, ..observed };
         Ok(Self { estimate: estimate.into(), light_edits, objects })
     }
@@ -340,34 +341,34 @@ fn read_depth(tensors: &SafeTensors<'_>) -> Result<Image<f32>, SceneError> {
 fn read_panorama(
     tensors: &SafeTensors<'_>,
     mut source: PanoramaSource,
-    picture: Option<PictureHeader>,
+    image: Option<PanoramaHeader>,
     rgba: &[Vec<[f32; 4]>],
-) -> Result<LaidPanorama, SceneError> {
+) -> Result<PanoramaContribution, SceneError> {
     if !source.is_valid() {
         return Err(SceneError::Metadata(
-            "the panorama's place, angles, exposure or confidence are no such numbers".to_owned(),
+            "the panorama's position, angles, exposure or confidence is invalid".to_owned(),
         ));
     }
     source.file = file_name(&source.file);
-    let picture = picture.map(|header| read_picture(tensors, PANORAMA, header)).transpose()?;
-    Ok(LaidPanorama { source, share: read_shares(tensors, PANORAMA_SHARE, rgba)?, picture })
+    let image = image.map(|header| read_panorama_image(tensors, PANORAMA, header)).transpose()?;
+    Ok(PanoramaContribution { source, share: read_shares(tensors, PANORAMA_SHARE, rgba)?, image })
 }
 
 fn read_expected(tensors: &SafeTensors<'_>, header: ExpectedHeader) -> Result<ExpectedLight, SceneError> {
-    let ExpectedHeader { picture, contrast_stops } = header;
+    let ExpectedHeader { image, contrast_stops } = header;
     if !ExpectedLight::is_contrast(contrast_stops) {
         return Err(SceneError::Metadata("contrast_stops of its expected light is out of range".to_owned()));
     }
-    Ok(ExpectedLight { picture: read_picture(tensors, EXPECTED, picture)?, contrast_stops })
+    Ok(ExpectedLight { image: read_panorama_image(tensors, EXPECTED, image)?, contrast_stops })
 }
 
-fn read_picture(
+fn read_panorama_image(
     tensors: &SafeTensors<'_>,
     name: &'static str,
-    header: PictureHeader,
-) -> Result<PanoramaPicture, SceneError> {
+    header: PanoramaHeader,
+) -> Result<PanoramaImage, SceneError> {
     if !header.is_valid() {
-        return Err(SceneError::Metadata(format!("scale or rotation of its {name} are no such numbers")));
+        return Err(SceneError::Metadata(format!("the scale or rotation of its {name} is invalid")));
     }
     let (dtype, shape, bytes) = tensor(tensors, name)?;
     let &[height, width, 3] = shape.as_slice() else {
@@ -382,7 +383,7 @@ fn read_picture(
         return Err(SceneError::Value { tensor: name, index, value: values[index] });
     }
     let radiance = Image::new(width, height, values.as_chunks().0.to_vec());
-    Ok(PanoramaPicture { radiance, world_from_panorama: header.world_from_panorama })
+    Ok(PanoramaImage { radiance, world_from_panorama: header.world_from_panorama })
 }
 
 fn read_objects(tensors: &SafeTensors<'_>, header: ObjectsHeader) -> Result<SceneObjects, SceneError> {
@@ -395,25 +396,25 @@ fn read_objects(tensors: &SafeTensors<'_>, header: ObjectsHeader) -> Result<Scen
         }
     };
     let layout = std::str::from_utf8(bytes(OBJECTS, "their layout")?)
-        .map_err(|error| wrong(format!("their layout is no UTF-8 text: {error}")))?;
+        .map_err(|error| wrong(format!("their layout is not valid UTF-8: {error}")))?;
     let mut files: BTreeMap<String, Arc<[u8]>> = BTreeMap::new();
     for (index, name) in header.files.into_iter().enumerate() {
         let content = bytes(&file_tensor(index), &name)?.into();
         if files.contains_key(&name) {
-            return Err(wrong(format!("two of their files are called {name}")));
+            return Err(wrong(format!("two of their files are named {name}")));
         }
         files.insert(name, content);
     }
     let objects = SceneObjects { layout: layout.to_owned(), files, shown: header.shown };
-    objects.wrong().map_or(Ok(objects), |what| Err(wrong(what)))
+    objects.invalid_field().map_or(Ok(objects), |what| Err(wrong(what)))
 }
 
-/// Name of the tensor of an object's file.
+/// Returns the name of the tensor of an object's file.
 fn file_tensor(index: usize) -> String {
     format!("{OBJECTS}.{index}")
 }
 
-/// One value for each of the feature rows `rgba[d]`.
+/// Reads one value per feature row of `rgba[d]`.
 fn read_shares(
     tensors: &SafeTensors<'_>,
     name: &'static str,
@@ -433,7 +434,7 @@ fn read_shares(
     Ok(depths.collect())
 }
 
-/// Type, shape and bytes; the bytes are as many as type and shape say, safetensors has seen to that.
+/// Returns type, shape and bytes. The safetensors crate has checked that the number of bytes fits type and shape.
 fn tensor<'data>(
     tensors: &SafeTensors<'data>,
     name: &'static str,
@@ -450,7 +451,7 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
     bytes.as_chunks().0.iter().map(|&word| f32::from_le_bytes(word)).collect()
 }
 
-/// What follows the last slash or backslash: scenes travel, folders stay.
+/// Returns the part after the last slash or backslash; scene files store no folders.
 fn file_name(path: &str) -> String {
     path.rsplit(['/', '\\']).next().unwrap_or_default().to_owned()
 }
@@ -465,10 +466,10 @@ impl<'a> Tensor<'a> {
         Self::Plain { dtype: Dtype::U8, shape: vec![bytes.len()], bytes: Cow::Borrowed(bytes) }
     }
 
-    fn picture(picture: &PanoramaPicture, scale: f32) -> Self {
-        let values = picture.radiance.pixels().as_flattened();
+    fn image(image: &PanoramaImage, scale: f32) -> Self {
+        let values = image.radiance.pixels().as_flattened();
         let bytes = values.iter().flat_map(|value| f16::from_f32(value / scale).to_le_bytes()).collect();
-        let shape = vec![picture.radiance.height(), picture.radiance.width(), 3];
+        let shape = vec![image.radiance.height(), image.radiance.width(), 3];
         Self::Plain { dtype: Dtype::F16, shape, bytes: Cow::Owned(bytes) }
     }
 

@@ -2,25 +2,25 @@ use lo_octree::LightOctree;
 
 use crate::AnalyticLight;
 
-/// What [`LightEdits`](crate::LightEdits) made of a scene's light. In memory alone: no file holds it.
+/// Effect of [`LightEdits`](crate::LightEdits) on a scene's light. Kept in memory only; never stored in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EditedLight {
-    /// The octree as it was, and by what it differs now; `None` where it is the same.
+    /// The octree before edits and the change; `None` if it is unchanged.
     pub octree: Option<OctreeChange>,
-    /// Lights that no octree holds.
+    /// Lights that are not in the octree.
     pub lights: Vec<AnalyticLight>,
-    /// What hides suns among [`EditedLight::lights`]: what the photo saw, without windows and lamps. Where there are none, nothing.
-    pub hides_suns: Option<LightOctree>,
+    /// Occluders of the suns among [`EditedLight::lights`]: the observed surfaces without windows and lamps. `None`
+    /// if no sun was added.
+    pub sun_occluders: Option<LightOctree>,
 }
 
-/// Rows of features as in [`LightOctree::rgba`], of one octree, with its opacities: before edits, without the edited emitters, and how much there is
-/// now of what these gave.
+/// Feature rows of an octree before an edit and after, with the same layout and opacities as [`LightOctree::rgba`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct OctreeChange {
-    /// As it was.
+    /// Rows before the edit.
     pub before: Vec<Vec<[f32; 4]>>,
-    /// Without the light of the edited emitters.
+    /// Rows without the light of the edited emitters.
     pub base: Vec<Vec<[f32; 4]>>,
-    /// By channel, the factor of what lies above that; 1 where no edited emitter is near.
+    /// Gain per channel of the light above `base`; 1 away from edited emitters.
     pub gain: Vec<Vec<[f32; 4]>>,
 }

@@ -1,6 +1,6 @@
 use lo_geometry::CameraError;
 
-/// Why photo, depth and camera do not make a frame.
+/// Reasons why photo, depth and camera do not form a frame.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FrameError {
     /// The camera belongs to another resolution.
@@ -9,18 +9,18 @@ pub enum FrameError {
          resolution", camera.0, camera.1, photo.0, photo.1
     )]
     CameraSize {
-        /// Width and height that the camera names.
+        /// Width and height of the camera's image.
         camera: (u32, u32),
         /// Width and height of the photo.
         photo: (usize, usize),
     },
-    /// The intrinsics are not those of a pinhole.
+    /// The intrinsics are not those of a pinhole camera.
     #[error(transparent)]
     Camera(#[from] CameraError),
     /// The exposure is not a positive number.
     #[error("the exposure must be positive and finite, got {0}")]
     Exposure(f32),
-    /// Photo and depth cannot show the same field of view.
+    /// Photo and depth do not show the same field of view.
     #[error(
         "the depth map ({} × {}) and the photo ({} × {}) differ in aspect ratio by more than 2 %: they must show the same field \
          of view", depth.0, depth.1, photo.0, photo.1
@@ -31,97 +31,97 @@ pub enum FrameError {
         /// Width and height of the photo.
         photo: (usize, usize),
     },
-    /// The depth map is all holes.
-    #[error("the depth map ({} × {}) has no reading at all: every value is zero, negative, NaN or infinite", depth.0, depth.1)]
+    /// The depth map has no readings.
+    #[error("the depth map ({} × {}) has no readings: every value is zero, negative, NaN or infinite", depth.0, depth.1)]
     NoReadings {
         /// Width and height of the depth map.
         depth: (usize, usize),
     },
-    /// The depth map is nearly all holes.
-    #[error("the depth map has only {found} readings, at least {needed} are needed")]
+    /// The depth map has too few readings.
+    #[error("the depth map has only {found} readings; at least {needed} are needed")]
     TooFewReadings {
         /// Positive finite values found.
         found: usize,
-        /// Fewest that are enough.
+        /// Minimum number of readings.
         needed: usize,
     },
-    /// The depths are not those of a room.
-    #[error("the median depth is {median_m} m, which no room has; is the depth scale (units per metre) right?")]
+    /// The median depth is not that of a room.
+    #[error("the median depth is {median_m} m, too little for a room; check the depth scale (units per metre)")]
     DepthScale {
-        /// Median of all readings in metres.
+        /// Median of all readings, metres.
         median_m: f32,
     },
 }
 
-/// Why a scene file cannot be read or written.
+/// Reasons why a scene file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    /// The file system refused to read.
+    /// The file cannot be read.
     #[error("{path}: {source}")]
     Read {
-        /// The file.
+        /// Path of the file.
         path: String,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The file system refused to write; the message names the path.
+    /// The file cannot be written; the message names the path.
     #[error(transparent)]
     Write(std::io::Error),
-    /// The file is longer than any scene.
-    #[error("the file has {bytes} bytes; scenes have at most {most}")]
+    /// The file is too long.
+    #[error("the file has {bytes} bytes; scene files have at most {most}")]
     TooLarge {
-        /// Length of the file.
+        /// Length of the file, bytes.
         bytes: u64,
-        /// Longest that is read.
+        /// Longest file that is read, bytes.
         most: u64,
     },
-    /// Not a safetensors file, or a damaged one.
+    /// The file is not a safetensors file, or is damaged.
     #[error("not a scene file, or a damaged one: {0}")]
     Container(String),
-    /// A safetensors file of something else.
+    /// A safetensors file without scene metadata.
     #[error("a safetensors file without \"{key}\" in its metadata: not a scene file")]
     NoMetadata {
-        /// The key that scenes have.
+        /// Expected metadata key.
         key: &'static str,
     },
-    /// The JSON block is damaged.
+    /// The JSON block is invalid.
     #[error("the scene's metadata: {0}")]
     Metadata(String),
-    /// Another version of the format.
+    /// The file has another version of the format.
     #[error("the scene file has format version {got}; this program reads version {known}")]
     Version {
-        /// Version in the file.
+        /// Version of the file.
         got: u32,
-        /// Version that can be read.
+        /// Version that this program reads.
         known: u32,
     },
-    /// A tensor is not there.
+    /// A tensor is missing.
     #[error("tensor {0} is missing")]
     MissingTensor(&'static str),
     /// A tensor has the wrong type or shape.
     #[error("tensor {tensor}: expected {expected}, got {got}")]
     Layout {
-        /// Its name.
+        /// Name of the tensor.
         tensor: &'static str,
-        /// What it should be.
+        /// Expected type and shape.
         expected: &'static str,
-        /// What it is.
+        /// Actual type and shape.
         got: String,
     },
-    /// A value is not a number.
+    /// A value is NaN or infinite.
     #[error("tensor {tensor}, value {index} is {value}")]
     Value {
         /// Name of the tensor.
         tensor: &'static str,
-        /// Index of the value, all axes flattened.
+        /// Index of the value, with all axes flattened.
         index: usize,
         /// The value.
         value: f32,
     },
-    /// Photo, depth and camera do not belong together.
+    /// Photo, depth and camera do not form a frame.
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// What stands in the photo is damaged.
+    /// The objects in the photo are invalid.
     #[error("the scene's objects: {0}")]
     Objects(String),
     /// The octree is damaged.

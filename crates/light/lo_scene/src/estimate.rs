@@ -2,9 +2,9 @@ use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 
 use crate::derived::Derived;
-use crate::{CameraSource, Completion, ExpectedLight, Frame, LaidPanorama, OtherPhoto, Room};
+use crate::{CameraSource, Completion, ExpectedLight, Frame, OtherPhoto, PanoramaContribution, Room};
 
-/// What is inferred of a room from photos: its radiance, and what was observed of it. Self-contained.
+/// The estimate of a room from photos: its radiance and the observed frame. Self-contained.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Radiance of the whole room, without the user's edits of the light.
@@ -19,22 +19,22 @@ pub struct Estimate {
     /// The expected energy of the light around the camera, where a network predicts it.
     pub expected: Option<ExpectedLight>,
     /// A panorama of the room, and what its light contributed.
-    pub panorama: Option<LaidPanorama>,
+    pub panorama: Option<PanoramaContribution>,
     /// Further photos that the light comes from.
     pub other_photos: Vec<OtherPhoto>,
-    /// How all this was obtained.
+    /// Inputs and methods of the estimate.
     pub origin: EstimateOrigin,
     /// Values computed once and kept.
     #[doc(hidden)]
     pub derived: Derived,
 }
 
-/// How an estimate was obtained. By default: measured depth, nothing completed, no sources named.
+/// Inputs and methods of an estimate. The default is measured depth without completion or named sources.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EstimateOrigin {
-    /// How unobserved regions were completed.
+    /// Completion of unobserved regions.
     pub completion: Completion,
-    /// Where the camera's intrinsics come from, where that is known.
+    /// Source of the camera's intrinsics, if known.
     pub camera_source: Option<CameraSource>,
     /// Expected error of the room's up, degrees, where a network predicted it.
     pub up_deviation_deg: Option<f32>,
@@ -47,8 +47,8 @@ pub struct EstimateOrigin {
 }
 
 impl Estimate {
-    /// Measured depth with no more light than `light` holds: nothing completed, no sources named.
-    pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
+    /// Creates an estimate with measured depth and no completion or sources; `light` holds observed radiance only.
+    pub fn observed_only(light: LightOctree, frame: Frame) -> Self {
         Self {
             light,
             frame,
@@ -62,12 +62,12 @@ impl Estimate {
         }
     }
 
-    /// Unit vector against gravity, world frame; the camera's up where no room is known.
+    /// Returns the unit vector against gravity, in the world frame; the camera's up if the room is unknown.
     pub fn up(&self) -> Vec3 {
         self.room.as_ref().map_or(Vec3::Y, |room| room.up)
     }
 
-    /// The observed surface: the frame at working resolution without flying pixels. Computed once.
+    /// Returns the observed surface: the frame at working resolution without flying pixels. Computed once.
     pub fn surface(&self) -> &Frame {
         self.derived.surface.get_or_init(|| self.frame.working().without_flying_pixels())
     }

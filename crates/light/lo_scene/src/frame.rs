@@ -4,21 +4,23 @@ use lo_imaging::{DepthMap, Image, Photo, RadianceImage};
 use crate::FrameError;
 use crate::resample;
 
-/// Photo and depth may differ by this much in aspect ratio: 256 × 192 of 1920 × 1440 is exact, 640 × 360 of 640 × 480 is not.
+/// Largest difference in aspect ratio between photo and depth: 256 × 192 of 1920 × 1440 is exact, 640 × 360 of 640 ×
+/// 480 is rejected.
 const ASPECT_TOLERANCE: f64 = 0.02;
 
-/// Fewest readings from which anything about a room can be said.
+/// Fewest readings that a frame needs.
 const MIN_READINGS: usize = 16;
 
-/// Depths beyond this many metres are no readings: no room is that large, and sensors write such values for "nothing".
+/// Largest valid depth in metres: no room is larger, and sensors write such values for "no reading".
 const MAX_DEPTH_M: f32 = 200.0;
 
-/// Median depths below this many metres mean that the depth scale is wrong.
+/// Smallest valid median depth in metres; a smaller one means a wrong depth scale.
 const MIN_MEDIAN_DEPTH_M: f32 = 0.05;
 
 /// A photo with depth and camera.
 ///
-/// Photo and depth show the same field of view; their resolutions may differ until [`Frame::at_resolution`] makes them equal.
+/// Photo and depth show the same field of view. Their resolutions may differ until [`Frame::at_resolution`] makes
+/// them equal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Pinhole camera, in pixels of the photo.
@@ -27,18 +29,18 @@ pub struct Frame {
     pub photo: Photo,
     /// Depth along the optical axis in metres; 0 where there is no reading.
     pub depth_m: DepthMap,
-    /// Factor by which linear photo values are multiplied to give radiance (1 unless the user says otherwise).
+    /// Factor from linear photo values to radiance; 1 unless the user sets another.
     pub exposure: f32,
 }
 
 impl Frame {
-    /// Checks the parts and puts them together.
+    /// Validates the parts and combines them.
     ///
     /// Zero, negative, NaN and infinite depths and those beyond 200 m become 0, "no reading".
     ///
     /// # Errors
-    /// Where the camera is not of the photo's size, the exposure is not positive, photo and depth cannot show the same field
-    /// of view (their aspect ratios differ by more than 2 %), or the depth holds too few or senseless readings.
+    /// If the camera does not have the photo's size, the exposure is not positive, the aspect ratios of photo and
+    /// depth differ by more than 2 %, or the depth has too few or implausible readings.
     pub fn new(photo: Photo, mut depth_m: DepthMap, camera: Camera, exposure: f32) -> Result<Self, FrameError> {
         let photo_size = (photo.width(), photo.height());
         let depth_size = (depth_m.width(), depth_m.height());
@@ -52,7 +54,8 @@ impl Frame {
         if depth_size.0 == 0 || depth_size.1 == 0 {
             return Err(FrameError::NoReadings { depth: depth_size });
         }
-        // One pixel of rounding in the shorter side is no mismatch: a 3 × 2 depth map of a 640 × 480 photo cannot be better.
+        // One pixel of rounding in the shorter side is accepted: a 3 × 2 depth map of a 640 × 480 photo cannot be
+        // closer.
         let aspect = |(width, height): (usize, usize)| width as f64 / height as f64;
         let rounding = 1.0 / depth_size.0.min(depth_size.1).min(photo_size.0).min(photo_size.1) as f64;
         if (aspect(depth_size) / aspect(photo_size)).ln().abs() > ASPECT_TOLERANCE.max(rounding) {
@@ -62,7 +65,7 @@ impl Frame {
         if given.is_empty() {
             return Err(FrameError::NoReadings { depth: depth_size });
         }
-        // Too few and too near are judged by what is kept: a frame that passes must pass again when it is read back.
+        // Check the readings that are kept: a frame that passes must pass again when it is read back.
         let kept: Vec<f32> = given.iter().copied().filter(|z| *z <= MAX_DEPTH_M).collect();
         let (found, median_m) = (kept.len(), median(given));
         if median_m > MAX_DEPTH_M {
@@ -76,7 +79,7 @@ impl Frame {
             return Err(FrameError::DepthScale { median_m });
         }
         for z in depth_m.pixels_mut() {
-            // NaN fails the comparison and goes with the rest.
+            // NaN fails the comparison and becomes 0, too.
             if !(*z > 0.0 && *z <= MAX_DEPTH_M) {
                 *z = 0.0;
             }
@@ -84,25 +87,26 @@ impl Frame {
         Ok(Self { camera, photo, depth_m, exposure })
     }
 
-    /// World point seen at the centre of depth pixel `(x, y)`; `None` where there is no reading.
+    /// Returns the world point at the centre of depth pixel `(x, y)`; `None` where there is no reading.
     pub fn point(&self, x: usize, y: usize) -> Option<Vec3> {
         let depth_m = self.depth_m[(x, y)];
         let camera = self.depth_camera();
         (depth_m > 0.0).then(|| camera.unproject(x as f64 + 0.5, y as f64 + 0.5, f64::from(depth_m)))
     }
 
-    /// The camera in pixels of the depth map.
+    /// Returns the camera in pixels of the depth map.
     pub fn depth_camera(&self) -> Camera {
         self.camera.resized(self.depth_m.width() as u32, self.depth_m.height() as u32)
     }
 
-    /// Photo, depth and camera at `width` × `height`, the same field of view.
+    /// Resamples photo, depth and camera to `width` × `height`, with the same field of view.
     ///
-    /// The photo is averaged in linear light over each new pixel's footprint (and becomes [`Photo::Linear`]), or kept as it is
-    /// where it has that size already. The depth is resampled without mixing surfaces ([`lo_imaging::resize_depth`]).
+    /// The photo is averaged in linear light over each new pixel's footprint and becomes [`Photo::Linear`]; it is
+    /// kept as it is if it has that size already. Depth is resampled without mixing surfaces
+    /// ([`lo_imaging::resize_depth`]).
     ///
     /// # Panics
-    /// Where photo or depth have no pixels, which [`Frame::new`] does not let through.
+    /// If photo or depth has no pixels, which [`Frame::new`] rejects.
     pub fn at_resolution(&self, width: usize, height: usize) -> Self {
         let (width, height) = (width.max(1), height.max(1));
         let photo = resample::resized_photo(&self.photo, width, height);
@@ -110,14 +114,14 @@ impl Frame {
         Self { camera: self.camera.resized(width as u32, height as u32), photo, depth_m, exposure: self.exposure }
     }
 
-    /// The frame at the resolution that estimation works at: at most 480 pixels on the long side and 153,600 in all, never
-    /// larger than the photo.
+    /// Returns the frame at the working resolution of estimation: at most 480 pixels on the long side and 153,600 in
+    /// all, never larger than the photo.
     pub fn working(&self) -> Self {
         let (width, height) = resample::working_size(&self.photo);
         self.at_resolution(width, height)
     }
 
-    /// Linear radiance of each photo pixel: the photo's linear value × exposure, clipped highlights as they are.
+    /// Returns the linear radiance of each photo pixel: linear value × exposure. Clipped highlights are not restored.
     pub fn radiance(&self) -> RadianceImage {
         let exposure = self.exposure;
         match &self.photo {
@@ -126,9 +130,9 @@ impl Frame {
         }
     }
 
-    /// Which photo pixels the sensor clipped: those with a channel at or above 250 of 255 (sRGB).
+    /// Returns which photo pixels the sensor clipped: those with a channel at or above 250 of 255 (sRGB).
     ///
-    /// A linear photo that holds values above 1 is HDR: nothing in it is clipped.
+    /// A linear photo with values above 1 is HDR and counts as unclipped.
     pub fn clipped(&self) -> Image<bool> {
         /// 250 / 255 in linear light.
         const CLIP_LEVEL: f32 = 0.956;
@@ -142,7 +146,7 @@ impl Frame {
     }
 }
 
-/// The middle value; `values` must not be empty.
+/// Returns the median; `values` must not be empty.
 pub(crate) fn median(mut values: Vec<f32>) -> f32 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
@@ -188,7 +192,7 @@ mod tests {
         far.extend([250.0; 10]);
         far.resize(64, 0.0);
         assert!(matches!(make(far), Err(FrameError::TooFewReadings { found: 15, .. })));
-        // 0.01 m is the median of what is kept, 1 m of all.
+        // The median of the valid readings is 0.01 m, of all readings 1 m.
         let near = [vec![0.01; 24], vec![1.0; 20], vec![1e3; 20]].concat();
         assert!(matches!(make(near), Err(FrameError::DepthScale { median_m: 0.01 })));
         let nothing = Frame::new(photo(8, 8), Image::new(0, 0, vec![]), camera(8, 8), 1.0);
@@ -199,7 +203,7 @@ mod tests {
 
     #[test]
     fn another_resolution_sees_the_same_points() {
-        // A slanted plane z = 2 / (1 + 0.3 x/z …): inverse depth is affine in the image, so resampling must stay on the plane.
+        // A slanted plane: inverse depth is affine in the image, so resampled points must stay on the plane.
         let camera = camera(64, 48);
         let depth = Image::from_fn(64, 48, |x, y| 1.0 / (0.4 + 0.003 * x as f32 + 0.002 * y as f32));
         let frame = Frame::new(photo(64, 48), depth, camera, 1.0).unwrap();

@@ -4,29 +4,29 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Completion, Estimate};
 
-/// Factors on the contrast of plausible light, in stops.
+/// Valid factors on the contrast of plausible light, in stops.
 pub const CONTRASTS: RangeInclusive<f32> = 0.0..=3.0;
 
-/// Stops by which guessed light is redder than estimated.
+/// Valid warmths: stops by which inferred light is redder than estimated.
 pub const WARMTHS_EV: RangeInclusive<f32> = -4.0..=4.0;
 
-/// Which light a scene is lit by.
+/// Light that a scene is rendered with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LightMode {
-    /// The likeliest radiance, in which lamps and windows of uncertain place vanish: what the scene file's octree
-    /// holds.
+    /// The likeliest radiance, as in the scene file's octree. Lamps and windows of uncertain position vanish in it.
     Even,
-    /// The expected energy, spread over where lamps and windows may be: right on average, and softer than rooms are.
+    /// Expected light, spread over the possible positions of lamps and windows: right on average, but softer than
+    /// real rooms.
     #[default]
     Expected,
-    /// The expected energy gathered into lamps and windows where they are likeliest, as bright as the photo's shading
-    /// asks for: for objects, whose lit and dark sides and shadows are then those of rooms.
+    /// Expected light gathered into lamps and windows at their likeliest positions, as bright as the photo's shading
+    /// implies. Meant for inserted objects: their shading and shadows are as contrasted as in real rooms.
     Plausible,
 }
 
 impl LightMode {
-    /// Its name, as on the command line.
+    /// Returns its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Even => "even",
@@ -36,29 +36,29 @@ impl LightMode {
     }
 }
 
-/// How guessed light differs from what is estimated.
+/// User's adjustments of inferred light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LightTuning {
-    /// Factor on the contrast of plausible light, in stops; 1 is what rooms like this one have.
+    /// Factor on the contrast of plausible light, in stops; 1 is typical of such a room.
     pub contrast: f32,
-    /// Stops by which red exceeds blue more than is estimated, or than `white` gives; luminance stays.
+    /// Stops by which red exceeds blue more than estimated, or than `white` gives; luminance is kept.
     pub warmth_ev: f32,
-    /// A pixel of the photo that shows something white: guessed light gets the colour that it has there.
+    /// Photo pixel that shows something white: inferred light gets the colour that white has there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub white: Option<[f64; 2]>,
 }
 
 impl Default for LightTuning {
-    /// As estimated.
+    /// Returns neutral tuning.
     fn default() -> Self {
         Self { contrast: 1.0, warmth_ev: 0.0, white: None }
     }
 }
 
 impl LightTuning {
-    /// Names a value that is out of range. The white pixel is not compared with the size of a photo.
-    pub fn wrong(&self) -> Option<&'static str> {
+    /// Returns the name of a value that is out of range. The white pixel is not checked against the photo's size.
+    pub fn invalid_field(&self) -> Option<&'static str> {
         if !CONTRASTS.contains(&self.contrast) {
             return Some("the contrast");
         }
@@ -69,25 +69,25 @@ impl LightTuning {
     }
 }
 
-/// A choice of the light that a scene is lit by.
+/// User's choice of the light that a scene is rendered with.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GuessedLight {
-    /// Which one.
+    /// The light.
     pub light: LightMode,
-    /// How it is tuned. What has no effect on `light` is kept for another one.
+    /// Its tuning. Values without effect on `light` are kept for when another light is chosen.
     #[serde(flatten)]
     pub tuning: LightTuning,
 }
 
 impl Default for GuessedLight {
-    /// Plausible light, the default for inserted objects.
+    /// Returns plausible light, the default for inserted objects.
     fn default() -> Self {
         Self { light: LightMode::Plausible, tuning: LightTuning::default() }
     }
 }
 
 impl GuessedLight {
-    /// A copy in which tuning without effect on this light is reset.
+    /// Returns a copy in which tuning without effect on this light is reset.
     #[must_use]
     pub fn in_effect(&self) -> Self {
         let usual = LightTuning::default();
@@ -100,24 +100,24 @@ impl GuessedLight {
     }
 }
 
-/// Effect that the choice of light has in a scene.
+/// Effect of the choice of light on a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LightEffect {
-    /// Nothing: no network completed the scene, whose shell has a lamp of its own, or an HDR panorama, which knows the
-    /// lamps, was laid onto it.
+    /// None: no network completed the scene, whose shell has its own lamp, or an HDR panorama with its lamps was
+    /// applied.
     None,
-    /// Plausible light has lamps fitted. No network expects light, or a panorama took its place: expected light is
-    /// even, and tuning has no effect.
+    /// Plausible light has fitted lamps. There is no expected light, or a panorama replaced it: expected light equals
+    /// even light, and tuning has no effect.
     Fitted,
-    /// Each light differs, and tuning changes it.
+    /// All lights differ, and tuning changes them.
     Expected,
 }
 
 impl LightEffect {
-    /// The effect on this estimate.
+    /// Returns the effect for an estimate.
     pub fn of(estimate: &Estimate) -> Self {
-        let knows_lamps = estimate.panorama.as_ref().is_some_and(|laid| !laid.source.clipped);
+        let knows_lamps = estimate.panorama.as_ref().is_some_and(|contribution| !contribution.source.clipped);
         if estimate.origin.completion != Completion::Network || knows_lamps {
             Self::None
         } else if estimate.expected.is_none() || estimate.panorama.is_some() {

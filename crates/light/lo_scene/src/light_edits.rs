@@ -5,162 +5,164 @@ use serde::{Deserialize, Serialize};
 
 use crate::GuessedLight;
 
-/// Most emitters with changes, and most added lights, of one scene.
+/// Largest number of edited emitters, and of added lights, of one scene.
 pub const MAX_LIGHT_EDITS: usize = 256;
 
-/// Largest factor of an emitter's light.
+/// Largest gain of an emitter's light.
 pub const MAX_LIGHT_SCALE: f32 = 1e4;
 
-/// Brightest light that can be added, radiance; a sun of 1,000 times the photo's white and 0.1° has 10⁸.
+/// Largest radiance of an added light; a sun of 1,000 times the photo's white and 0.1° has 10⁸.
 pub const MAX_LIGHT_RADIANCE: f32 = 1e10;
 
-/// Sizes of added lights, metres: edges of rectangles, radii of spheres.
+/// Smallest size of an added light, metres: edge of a rectangle, radius of a sphere.
 pub const MIN_LIGHT_SIZE_M: f32 = 1e-3;
-/// See [`MIN_LIGHT_SIZE_M`].
+/// Largest size of an added light, metres.
 pub const MAX_LIGHT_SIZE_M: f32 = 100.0;
 
-/// Farthest place of a light along each axis, metres.
-pub const MAX_LIGHT_PLACE_M: f32 = 1e3;
+/// Largest coordinate of a light's position along each axis, metres.
+pub const MAX_LIGHT_POSITION_M: f32 = 1e3;
 
-/// Angular radii of suns, degrees. The sun's own is 0.27°.
+/// Smallest angular radius of a sun, degrees; the real sun has 0.27°.
 pub const MIN_SUN_RADIUS_DEG: f32 = 0.05;
-/// See [`MIN_SUN_RADIUS_DEG`].
+/// Largest angular radius of a sun, degrees.
 pub const MAX_SUN_RADIUS_DEG: f32 = 45.0;
 
-/// Colour temperatures in kelvin of lights that are given one.
+/// Lowest colour temperature of a light, kelvin.
 pub const MIN_KELVIN: f32 = 1667.0;
-/// See [`MIN_KELVIN`].
+/// Highest colour temperature of a light, kelvin.
 pub const MAX_KELVIN: f32 = 25_000.0;
 
-/// What somebody wants changed of a scene's light, beside the estimate, which stays as it is.
+/// The user's light edits. They are stored beside the estimate, which stays unchanged.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LightEdits {
-    /// Of emitters that the estimate has.
+    /// Changes of emitters of the estimate.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub emitters: Vec<EmitterEdit>,
-    /// Lights that it does not have.
+    /// Added lights.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub added: Vec<AddedLight>,
-    /// Which light the scene is lit by; where nobody chose it, each command has its own default.
+    /// Light that the scene is rendered with; `None` if not chosen, so that each command uses its own default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub guessed: Option<GuessedLight>,
 }
 
-/// What is changed of one emitter of the estimate.
+/// Change of one emitter of the estimate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EmitterEdit {
-    /// Its name in the list of emitters.
+    /// Name in the list of emitters.
     pub id: String,
-    /// Its middle when it was edited, metres: emitters are found anew whenever a scene is used, and one of this name elsewhere is another one.
+    /// Centre when it was edited, metres. Emitters are detected anew whenever a scene is used; one of this name
+    /// elsewhere is a different emitter.
     pub found_at_m: Vec3,
-    /// What is changed.
+    /// The change.
     #[serde(flatten)]
     pub change: LightChange,
 }
 
-/// A light that somebody added.
+/// A light added by the user.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AddedLight {
-    /// Its name in the list of emitters.
+    /// Name in the list of lights.
     pub id: String,
-    /// As it was added.
+    /// The light as it was added.
     pub light: AnalyticLight,
-    /// What was changed since.
+    /// Change since then.
     #[serde(flatten)]
     pub change: LightChange,
 }
 
-/// A change of a light; by default none.
+/// Change of a light; by default none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightChange {
-    /// Whether it shines.
+    /// Whether it is on.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub on: bool,
-    /// Factor of its radiance, from 0 to [`MAX_LIGHT_SCALE`].
+    /// Gain of its radiance, from 0 to [`MAX_LIGHT_SCALE`].
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub scale: f32,
-    /// Its colour instead of its own; its luminance stays.
+    /// New colour; luminance is kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub color: Option<LightColor>,
-    /// Its middle instead of its own, metres; of no meaning for suns.
+    /// New centre, metres; ignored for suns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_m: Option<Vec3>,
 }
 
-/// The colour of a light, of any luminance.
+/// Colour of a light; its luminance is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LightColor {
-    /// Of a black body of this temperature.
+    /// Colour temperature of a black body, kelvin.
     Kelvin(f32),
-    /// Linear Rec. 709.
+    /// Linear Rec. 709 RGB.
     Rgb([f32; 3]),
 }
 
-/// A light with a shape of its own, which no octree holds.
+/// A light with an analytic shape, outside of the octree.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AnalyticLight {
-    /// Where light comes from.
+    /// Shape and position.
     pub shape: LightShape,
-    /// Linear RGB radiance, the same all over it and in all directions that it shines to.
+    /// Linear RGB radiance, uniform over the surface and over all emitting directions.
     pub radiance: [f32; 3],
 }
 
-/// The shape of a light, in metres and in the photo's frame.
+/// Shape of a light, in metres in the photo's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LightShape {
     /// A flat rectangle.
     Rectangle {
-        /// Its middle.
+        /// Centre.
         centre_m: Vec3,
-        /// Unit direction that it shines to.
+        /// Unit direction of emission.
         direction: Vec3,
-        /// Unit direction of its width, perpendicular to it.
+        /// Unit direction of its width, perpendicular to `direction`.
         across: Vec3,
         /// Width and height.
         size_m: [f32; 2],
-        /// Whether it shines to the other side, too.
+        /// Whether it also emits from its back.
         two_sided: bool,
     },
-    /// A sphere, which shines all around.
+    /// A sphere that emits in all directions.
     Sphere {
-        /// Its middle.
+        /// Centre.
         centre_m: Vec3,
         /// Radius.
         radius_m: f32,
     },
     /// A disc at infinity.
     Sun {
-        /// Unit direction towards it.
+        /// Unit direction towards the sun.
         direction: Vec3,
-        /// Half of the angle that it is seen under.
+        /// Half of its angular diameter, degrees.
         angular_radius_deg: f32,
-        /// Whether it is the photo's own: it shines where the photo shows that it does, and there the photo has its light already.
+        /// Whether it is the sun of the photo: it shines only where the photo shows it, and the photo already
+        /// contains its light.
         #[serde(default, skip_serializing_if = "is_no")]
         of_photo: bool,
     },
 }
 
 impl LightEdits {
-    /// Whether there is nothing to do.
+    /// Returns whether there are no edits.
     pub fn is_empty(&self) -> bool {
         !self.has_lights() && self.guessed.is_none()
     }
 
-    /// Whether emitters are changed or lights added.
+    /// Returns whether emitters are changed or lights added.
     pub fn has_lights(&self) -> bool {
         !(self.emitters.is_empty() && self.added.is_empty())
     }
 
-    /// What is changed of a light; [`LightChange::NONE`] where nothing is.
+    /// Returns the change of a light; [`LightChange::NONE`] if it is unchanged.
     pub fn change_of(&self, id: &str) -> LightChange {
         let emitter = self.emitters.iter().find(|edit| edit.id == id).map(|edit| edit.change);
         let added = || self.added.iter().find(|light| light.id == id).map(|light| light.change);
         emitter.or_else(added).unwrap_or_default()
     }
 
-    /// Changes a light that was added, or the emitter of that name, which lies at `found_at_m`, in the place of what was changed before. `false` where
+    /// Replaces the change of an added light, or of the emitter of that name at `found_at_m`. Returns `false` if
     /// there are [`MAX_LIGHT_EDITS`] already.
     #[must_use]
     pub fn change(&mut self, id: &str, found_at_m: Vec3, change: LightChange) -> bool {
@@ -175,7 +177,7 @@ impl LightEdits {
         self.emitters.len() <= MAX_LIGHT_EDITS
     }
 
-    /// Adds a light and names it; `None` where there are [`MAX_LIGHT_EDITS`] already.
+    /// Adds a light and returns its name; `None` if there are [`MAX_LIGHT_EDITS`] already.
     pub fn add(&mut self, light: AnalyticLight) -> Option<String> {
         let number = |light: &AddedLight| light.id.trim_start_matches('A').parse::<u32>().unwrap_or(0);
         let last = self.added.iter().map(number).max().unwrap_or(0);
@@ -186,25 +188,25 @@ impl LightEdits {
         })
     }
 
-    /// Takes an added light away; `false` where there is none of that name.
+    /// Removes an added light; returns `false` if there is none of that name.
     pub fn remove(&mut self, id: &str) -> bool {
         let before = self.added.len();
         self.added.retain(|light| light.id != id);
         self.added.len() < before
     }
 
-    /// The first thing that is wrong.
+    /// Checks all values; the error names the first invalid one.
     pub(crate) fn check(&self) -> Result<(), String> {
-        if let Some(what) = self.guessed.and_then(|guessed| guessed.tuning.wrong()) {
-            return Err(format!("guessed light: {what} is out of range"));
+        if let Some(what) = self.guessed.and_then(|guessed| guessed.tuning.invalid_field()) {
+            return Err(format!("inferred light: {what} is out of range"));
         }
         let count = self.emitters.len().max(self.added.len());
         if count > MAX_LIGHT_EDITS {
-            return Err(format!("{count} edited lights, at most {MAX_LIGHT_EDITS} are kept"));
+            return Err(format!("{count} edited lights; at most {MAX_LIGHT_EDITS} are allowed"));
         }
         let ids = || self.emitters.iter().map(|edit| &edit.id).chain(self.added.iter().map(|light| &light.id));
         if let Some(id) = ids().find(|id| !is_id(id)) {
-            return Err(format!("an edited light is called {:?}", id.chars().take(20).collect::<String>()));
+            return Err(format!("invalid name of an edited light: {:?}", id.chars().take(20).collect::<String>()));
         }
         if let Some((_, id)) = ids().enumerate().find(|(index, id)| ids().take(*index).any(|before| before == *id)) {
             return Err(format!("light {id} is edited twice"));
@@ -212,14 +214,14 @@ impl LightEdits {
         let wrong = |id: &str, what: &str| Err(format!("edited light {id}: {what} is out of range"));
         for EmitterEdit { id, found_at_m, change } in &self.emitters {
             if !is_place(*found_at_m) {
-                return wrong(id, "its place");
+                return wrong(id, "the position");
             }
-            if let Some(what) = change.wrong() {
+            if let Some(what) = change.invalid_field() {
                 return wrong(id, what);
             }
         }
         for AddedLight { id, light, change } in &self.added {
-            if let Some(what) = light.wrong().or_else(|| change.wrong()) {
+            if let Some(what) = light.invalid_field().or_else(|| change.invalid_field()) {
                 return wrong(id, what);
             }
         }
@@ -228,18 +230,18 @@ impl LightEdits {
 }
 
 impl LightChange {
-    /// None.
+    /// No change.
     pub const NONE: Self = Self { on: true, scale: 1.0, color: None, at_m: None };
 
-    /// What lies out of its range, if anything.
-    pub fn wrong(&self) -> Option<&'static str> {
+    /// Returns the name of a value that is out of range.
+    pub fn invalid_field(&self) -> Option<&'static str> {
         if !(0.0..=MAX_LIGHT_SCALE).contains(&self.scale) {
             return Some("the scale");
         }
         if self.color.is_some_and(|color| !color.is_valid()) {
             return Some("the colour");
         }
-        self.at_m.is_some_and(|at| !is_place(at)).then_some("the place")
+        self.at_m.is_some_and(|at| !is_place(at)).then_some("the position")
     }
 }
 
@@ -261,8 +263,8 @@ impl LightColor {
 }
 
 impl AnalyticLight {
-    /// What lies out of its range, if anything.
-    pub fn wrong(&self) -> Option<&'static str> {
+    /// Returns the name of a value that is out of range.
+    pub fn invalid_field(&self) -> Option<&'static str> {
         if !self.radiance.iter().all(|c| (0.0..=MAX_LIGHT_RADIANCE).contains(c)) {
             return Some("the radiance");
         }
@@ -271,7 +273,7 @@ impl AnalyticLight {
         match self.shape {
             LightShape::Rectangle { centre_m, direction, across, size_m, .. } => {
                 if !is_place(centre_m) {
-                    Some("the place")
+                    Some("the position")
                 } else if !(unit(direction) && unit(across) && direction.dot(across).abs() < 1e-3) {
                     Some("the direction")
                 } else {
@@ -282,7 +284,7 @@ impl AnalyticLight {
                 if is_place(centre_m) {
                     (!size(&radius_m)).then_some("the size")
                 } else {
-                    Some("the place")
+                    Some("the position")
                 }
             }
             LightShape::Sun { direction, angular_radius_deg, .. } => {
@@ -292,7 +294,7 @@ impl AnalyticLight {
         }
     }
 
-    /// Middle in metres; `None` for a sun.
+    /// Returns the centre in metres; `None` for a sun.
     pub fn centre_m(&self) -> Option<Vec3> {
         match self.shape {
             LightShape::Rectangle { centre_m, .. } | LightShape::Sphere { centre_m, .. } => Some(centre_m),
@@ -300,7 +302,7 @@ impl AnalyticLight {
         }
     }
 
-    /// Emitting area in m², both sides of a two-sided rectangle; of a sun its solid angle in steradians.
+    /// Returns the emitting area in m² (both sides of a two-sided rectangle), or a sun's solid angle in steradians.
     pub fn extent(&self) -> f32 {
         match self.shape {
             LightShape::Rectangle { size_m: [width, height], two_sided, .. } => {
@@ -308,7 +310,7 @@ impl AnalyticLight {
             }
             LightShape::Sphere { radius_m, .. } => 4.0 * PI * radius_m * radius_m,
             LightShape::Sun { angular_radius_deg, .. } => {
-                // 1 − cos θ = 2 sin² θ/2 keeps its digits.
+                // 1 − cos θ = 2 sin² θ/2 avoids cancellation.
                 let sin = (0.5 * angular_radius_deg.to_radians()).sin();
                 TAU * 2.0 * sin * sin
             }
@@ -316,7 +318,7 @@ impl AnalyticLight {
     }
 }
 
-/// A letter or more, then digits.
+/// Returns whether a name is one or more letters followed by digits.
 fn is_id(id: &str) -> bool {
     (2..=16).contains(&id.len())
         && id.starts_with(|c: char| c.is_ascii_uppercase())
@@ -324,7 +326,7 @@ fn is_id(id: &str) -> bool {
 }
 
 fn is_place(place: Vec3) -> bool {
-    place.to_array().iter().all(|c| c.abs() <= MAX_LIGHT_PLACE_M)
+    place.to_array().iter().all(|c| c.abs() <= MAX_LIGHT_POSITION_M)
 }
 
 fn yes() -> bool {

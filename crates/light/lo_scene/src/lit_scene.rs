@@ -6,35 +6,35 @@ use lo_octree::LightOctree;
 use crate::derived::Derived;
 use crate::{EditedLight, Estimate, Frame};
 
-/// An estimate in the light that renders it: what panoramas, composites and exports are made of.
+/// A document with its light applied for one purpose: the input of all rendering and export.
 ///
 /// It dereferences to its [`Estimate`], but [`LitScene::light`] is the radiance to render.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LitScene {
-    /// What it is the light of.
+    /// The estimate.
     pub estimate: Arc<Estimate>,
-    /// Radiance of the whole room in this light.
+    /// Radiance of the whole room, with light applied.
     pub light: LightOctree,
-    /// The effect of the user's light edits, where there are any.
+    /// Effect of the user's light edits, if any.
     pub edited: Option<Box<EditedLight>>,
 }
 
 impl LitScene {
-    /// An estimate in its own even light, without edits.
+    /// Creates a scene with the estimate's own even light, without edits.
     pub fn as_estimated(estimate: impl Into<Arc<Estimate>>) -> Self {
         let estimate = estimate.into();
         Self { light: estimate.light.clone(), estimate, edited: None }
     }
 
-    /// A frame with measured depth in this light ([`Estimate::as_seen`]).
-    pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
-        Self::as_estimated(Estimate::as_seen(light, frame))
+    /// Creates a scene with measured depth and observed radiance only ([`Estimate::observed_only`]).
+    pub fn observed_only(light: LightOctree, frame: Frame) -> Self {
+        Self::as_estimated(Estimate::observed_only(light, frame))
     }
 
-    /// The estimate to change; the light stays as it is.
+    /// Returns the estimate for changes; the light stays unchanged.
     pub fn estimate_mut(&mut self) -> &mut Estimate {
         let estimate = Arc::make_mut(&mut self.estimate);
-        // What was computed before the change no longer holds.
+        // Cached values are outdated after a change.
         estimate.derived = Derived::default();
         estimate
     }

@@ -1,48 +1,49 @@
 use lo_imaging::luminance;
 
-use crate::SeenPhoto;
+use crate::ObservedPhoto;
 use crate::frame::median;
 
-/// About so many readings of a photo are looked for in another.
+/// Approximate number of readings that are looked up in the other photo.
 const SAMPLES: usize = 20_000;
 
-/// Fewest readings of one photo in the other's view from which anything is said.
+/// Fewest readings of one photo in the other's view that give a result.
 const MIN_SHARED: usize = 200;
 
-/// Fewest pixels that show one surface from which exposures are compared.
+/// Fewest pixels of a common surface for a comparison of exposures.
 const MIN_MATCHED: usize = 100;
 
-/// Two readings are of one surface where depth differs by no more than this, metres and share of the depth.
+/// Largest difference in depth of two readings of one surface: metres, and share of the depth.
 const SAME_SURFACE: (f32, f32) = (0.03, 0.02);
 
-/// Cosine between the normals of one surface in two photos: 32°.
+/// Smallest cosine between the normals of one surface in two photos: 32°.
 const SAME_NORMAL: f32 = 0.85;
 
-/// Light below this is mostly noise of the darks and the tone curve's foot.
+/// Smallest luminance for a comparison of exposures; lower values are dominated by noise and the tone curve's toe.
 const MIN_LIGHT: f32 = 0.01;
 
-/// What two photos show of the same places, by their poses.
+/// Overlap of two photos according to their poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overlap {
-    /// Share of the photo's readings that lie in the other's view; of the two directions the one with more.
+    /// Share of a photo's readings within the other's view; the larger of both directions.
     pub share: f32,
-    /// Median over them of |depth − depth there| / depth. Of the two directions the smaller: what stands before the other camera hides a view in one of them.
+    /// Median relative difference of depth over those readings; the smaller of both directions, because an occluder
+    /// near the other camera affects one of them.
     pub disagreement: f32,
-    /// Of the pixels that show one surface unclipped in both.
+    /// Ratio of exposures, from pixels that show one surface unclipped in both photos.
     pub exposure: Option<ExposureRatio>,
 }
 
-/// How two photos show the same light.
+/// Ratio of the exposures of two photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExposureRatio {
     /// Median of log₂(first photo's luminance / second photo's): stops by which the first is brighter.
     pub log2: f32,
-    /// Pixels that it is from.
+    /// Number of compared pixels.
     pub pixels: usize,
 }
 
-/// Compares two photos of one room; `None` where too little of one lies in the other's view.
-pub fn overlap(a: &SeenPhoto, b: &SeenPhoto) -> Option<Overlap> {
+/// Compares two photos of one room; `None` if too little of one is within the other's view.
+pub fn overlap(a: &ObservedPhoto, b: &ObservedPhoto) -> Option<Overlap> {
     let (mut there, back) = (Shared::of(a, b), Shared::of(b, a));
     let directions = [&there, &back].into_iter().filter(|shared| shared.differences.len() >= MIN_SHARED);
     let disagreement = directions.filter_map(|shared| median_of_some(shared.differences.clone())).reduce(f32::min)?;
@@ -53,7 +54,7 @@ pub fn overlap(a: &SeenPhoto, b: &SeenPhoto) -> Option<Overlap> {
     Some(Overlap { share: there.share.max(back.share), disagreement, exposure })
 }
 
-/// What of a photo lies in another's view.
+/// The part of a photo that is within another's view.
 struct Shared {
     share: f32,
     differences: Vec<f32>,
@@ -61,7 +62,7 @@ struct Shared {
 }
 
 impl Shared {
-    fn of(a: &SeenPhoto, b: &SeenPhoto) -> Self {
+    fn of(a: &ObservedPhoto, b: &ObservedPhoto) -> Self {
         let (from, to) = (a.clean.depth_camera(), b.clean.depth_camera());
         let b_from_a = b.first_from_camera.inverse().after(&a.first_from_camera);
         let (clipped_a, clipped_b) = (a.clean.clipped(), b.clean.clipped());
@@ -101,14 +102,14 @@ impl Shared {
     }
 }
 
-/// The photo's pixel in the middle of a depth pixel.
-fn photo_pixel(photo: &SeenPhoto, (x, y): (usize, usize)) -> (usize, usize) {
+/// Returns the photo's pixel at the centre of a depth pixel.
+fn photo_pixel(photo: &ObservedPhoto, (x, y): (usize, usize)) -> (usize, usize) {
     let (depth_m, radiance) = (&photo.clean.depth_m, &photo.radiance);
     let along = |i: usize, pixels: usize, of: usize| (2 * i + 1) * pixels / (2 * of);
     (along(x, radiance.width(), depth_m.width()), along(y, radiance.height(), depth_m.height()))
 }
 
-/// The middle value, where there is one.
+/// Returns the median; `None` for an empty list.
 fn median_of_some(values: Vec<f32>) -> Option<f32> {
     (!values.is_empty()).then(|| median(values))
 }
@@ -122,8 +123,8 @@ mod tests {
     use super::*;
     use crate::Frame;
 
-    /// A corner of two walls and a floor, striped, as a camera at this pose sees it; `gain` is its exposure.
-    fn photo(first_from_camera: RigidTransform, gain: f32, believed: RigidTransform) -> SeenPhoto {
+    /// A corner of two walls and a floor, striped, as seen by a camera at this pose; `gain` is its exposure.
+    fn photo(first_from_camera: RigidTransform, gain: f32, believed: RigidTransform) -> ObservedPhoto {
         let camera = Camera::from_hfov_deg(70.0, 96, 64).unwrap();
         let planes = [(Vec3::Z, -3.0), (Vec3::NEG_X, -2.5), (Vec3::X, -2.0), (Vec3::Y, -1.4), (Vec3::NEG_Y, -1.3)];
         let hit = |x: usize, y: usize| {
@@ -139,7 +140,7 @@ mod tests {
             let stripes = 0.3 + 0.2 * (2.0 * (point.x + point.y + point.z)).sin();
             [(gain * stripes).min(1.0); 3]
         });
-        SeenPhoto::new(&Frame::new(Photo::Linear(light), depth_m, camera, 1.0).unwrap(), believed)
+        ObservedPhoto::new(&Frame::new(Photo::Linear(light), depth_m, camera, 1.0).unwrap(), believed)
     }
 
     fn turned(yaw_deg: f32, translation_m: Vec3) -> RigidTransform {
@@ -153,7 +154,8 @@ mod tests {
         for gain in [0.25f32, 1.0, 3.0] {
             let found = overlap(&photo(pose, gain, pose), &first).unwrap();
             let exposure = found.exposure.unwrap();
-            // Stripes are sampled at other pixels in both photos: a few hundredths of a stop. At 3, half of the picture is clipped.
+            // Both photos sample the stripes at different pixels: a few hundredths of a stop. At 3, half of the image
+            // is clipped.
             assert!((exposure.log2 - gain.log2()).abs() < 0.05, "{gain}: {exposure:?}");
             assert!(found.disagreement < 0.01 && (0.3..0.9).contains(&found.share), "{found:?}");
         }

@@ -3,35 +3,38 @@ use lo_geometry::{Quat, Vec3};
 use lo_imaging::{RadianceImage, resize_equirectangular};
 use serde::{Deserialize, Serialize};
 
-/// What somebody's panorama of the room gave a scene.
+/// A user's panorama of the room, and its contribution to a scene.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LaidPanorama {
-    /// Which panorama, and how it was laid.
+pub struct PanoramaContribution {
+    /// Source of the panorama and its alignment.
     pub source: PanoramaSource,
-    /// `share[d][row]` of each row of [`LightOctree::rgba`](lo_octree::LightOctree::rgba): how much of its radiance the panorama gave, 0 for nothing and
-    /// 255 for all; above the leaves the mean of a node's non-empty children. What the photo saw has 0.
+    /// Share of the panorama in the radiance of each row: `share[d][row]` of
+    /// [`LightOctree::rgba`](lo_octree::LightOctree::rgba), 0 for none and 255 for all.
+    ///
+    /// Above the leaves it is the mean over a node's non-empty children. Rows observed by the photo have 0.
     pub share: Vec<Vec<u8>>,
-    /// The panorama itself; scene files of before had none.
-    pub picture: Option<PanoramaPicture>,
+    /// The panorama itself; absent from older scene files.
+    pub image: Option<PanoramaImage>,
 }
 
-/// A panorama as it lies in the room.
+/// A panorama with its orientation in the room.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PanoramaPicture {
-    /// Linear RGB radiance in the photo's units, twice as wide as high, in our own orientation.
+pub struct PanoramaImage {
+    /// Linear RGB radiance in the photo's units, twice as wide as high, in this project's orientation.
     pub radiance: RadianceImage,
-    /// From its axes to the photo's, of unit length.
+    /// Unit rotation from the panorama's axes to the photo's.
     pub world_from_panorama: Quat,
 }
 
-/// Most columns of a panorama that a scene keeps.
+/// Largest width that a scene stores, pixels.
 const MAX_WIDTH: usize = 2048;
 
-/// Largest number that is kept as such in half precision; of brighter panoramas all are scaled.
+/// Largest value that is stored in half precision without scaling; brighter panoramas are scaled down as a whole.
 const MAX_HALF: f32 = 60_000.0;
 
-impl PanoramaPicture {
-    /// Of linear radiance, at most 2048 columns and as exact as half precision is, so that the scene's file holds it as it is.
+impl PanoramaImage {
+    /// Stores linear radiance with at most 2048 columns, rounded to half precision, so that the file holds exactly
+    /// these values.
     pub fn new(radiance: &RadianceImage, world_from_panorama: Quat) -> Self {
         let smaller =
             (radiance.width() > MAX_WIDTH).then(|| resize_equirectangular(radiance, MAX_WIDTH, MAX_WIDTH / 2));
@@ -41,7 +44,7 @@ impl PanoramaPicture {
         Self { radiance: radiance.map(|pixel| pixel.map(exact)), world_from_panorama }
     }
 
-    /// The power of two that radiance is divided by in the file.
+    /// Returns the power of two by which the file divides radiance.
     pub(crate) fn scale(&self) -> f32 {
         scale(&self.radiance)
     }
@@ -52,29 +55,29 @@ fn scale(radiance: &RadianceImage) -> f32 {
     (brightest / MAX_HALF).max(1.0).log2().ceil().exp2()
 }
 
-/// Where a panorama comes from, and how it lies in the room.
+/// Source of a panorama and its alignment in the room.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PanoramaSource {
-    /// Name of the file, without folders.
+    /// File name without folders.
     pub file: String,
-    /// Where it was taken, metres in the photo's frame.
+    /// Position of its camera, metres in the photo's frame.
     pub position_m: Vec3,
-    /// Angle from the photo's heading to the panorama's centre, to the right, about the room's vertical; degrees.
+    /// Yaw from the photo's heading to the panorama's centre, to the right about the room's vertical, degrees.
     pub yaw_deg: f32,
-    /// Upward tilt of the panorama's centre against the room's horizontal; degrees.
+    /// Upward tilt of the panorama's centre from the room's horizontal, degrees.
     pub pitch_deg: f32,
-    /// Clockwise tilt of the panorama about its centre; degrees.
+    /// Clockwise tilt of the panorama about its centre, degrees.
     pub roll_deg: f32,
     /// Stops from the panorama's values to the photo's: radiance = value · 2^exposure.
     pub exposure_ev: f32,
-    /// How well the panorama shows what the photo shows, from 0 to 1.
+    /// Agreement of the panorama with the photo, from 0 to 1.
     pub confidence: f32,
-    /// Whether its bright parts are clipped: lower bounds, no measurements.
+    /// Whether its highlights are clipped, so that they are lower bounds.
     pub clipped: bool,
 }
 
 impl PanoramaSource {
-    /// Whether all numbers are finite and the confidence lies in [0, 1].
+    /// Returns whether all numbers are finite and the confidence is in [0, 1].
     pub(crate) fn is_valid(&self) -> bool {
         let numbers = [self.yaw_deg, self.pitch_deg, self.roll_deg, self.exposure_ev];
         self.position_m.is_finite()

@@ -1,19 +1,20 @@
 use lo_geometry::{Cube, Vec3};
 
-/// Percentile of the seen points' distances that sets the scale.
+/// Percentile of the observed points' distances that sets the scale.
 const PERCENTILE: f32 = 0.95;
 
 /// Half of the cube's edge in units of that distance.
 const REACH: f32 = 1.25;
 
-/// Smallest half edge in metres: a small room around a camera that looks at a near wall.
+/// Smallest half edge in metres, for a small room or a camera that faces a near wall.
 const MIN_HALF_EDGE_M: f32 = 4.0;
 
-/// The cube for a scene of which only the seen points are known: centred on the camera, half edge 1.25 × the 95th percentile of the
-/// points' distances, at least 4 m.
+/// Places the cube of a scene of which only the observed points are known: centred on the camera, half edge 1.25 ×
+/// the 95th percentile of the points' distances, at least 4 m.
 ///
-/// Measured on 3,000 closed box rooms (2.5–8 × 2.5–8 × 2.3–3.2 m, camera anywhere inside at 1.0–1.8 m, any heading, field of view
-/// 55–80°, so also pictures of a wall one step away): share of the room's whole surface inside of the cube, and leaf edge at depth 7:
+/// Measured on 3,000 closed box rooms (2.5–8 × 2.5–8 × 2.3–3.2 m, camera anywhere inside at 1.0–1.8 m, any heading,
+/// field of view 55–80°, so including photos of a wall one step away): share of the room's whole surface inside the
+/// cube, and leaf edge at depth 7:
 ///
 /// | rule | mean share | worst 10 % | worst 1 % | leaf |
 /// | --- | --- | --- | --- | --- |
@@ -25,8 +26,8 @@ const MIN_HALF_EDGE_M: f32 = 4.0;
 /// | 1.25 × p95, at least 3.5 m | 0.87 | 0.60 | 0.41 | 7.4 cm |
 /// | **1.25 × p95, at least 4.0 m** | 0.91 | 0.68 | 0.49 | 7.8 cm |
 ///
-/// A least size buys far more than a larger factor; a shift forward costs.
-/// A completion that knows the room's planes has a better answer: the cube around them.
+/// A minimum size helps far more than a larger factor; a shift forward makes it worse. If the room's planes are
+/// known, completion uses the cube around them instead.
 pub fn place_cube(points: &[Vec3]) -> Cube {
     let mut distances: Vec<f32> = points.iter().map(|p| p.length()).filter(|d| d.is_finite()).collect();
     if distances.is_empty() {

@@ -3,28 +3,28 @@ use serde::{Deserialize, Serialize};
 
 use crate::Frame;
 
-/// One of several photos of a room.
+/// A frame with its pose, one of several of a room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosedFrame {
     /// The photo with its depth, in its own camera's axes.
     pub frame: Frame,
-    /// Where its camera stands in the axes of the first photo's camera.
+    /// Transform from its camera's axes to those of the first photo's camera.
     pub first_from_camera: RigidTransform,
 }
 
-/// What a scene keeps of a photo beside its first one: where it was taken from and how.
+/// Camera and exposure of a further photo of a scene. The photo itself is not stored.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OtherPhoto {
-    /// Where its camera stands in the axes of the first photo's camera.
+    /// Transform from its camera's axes to those of the first photo's camera.
     pub first_from_camera: RigidTransform,
-    /// Its camera, in pixels of the photo.
+    /// Camera, in pixels of the photo.
     pub camera: Camera,
-    /// Factor by which its linear values were multiplied to give radiance.
+    /// Factor from its linear values to radiance.
     pub exposure: f32,
 }
 
 impl OtherPhoto {
-    /// Whether all numbers are those of a camera somewhere.
+    /// Returns whether all numbers are valid.
     pub(crate) fn is_valid(&self) -> bool {
         let RigidTransform { rotation, translation_m } = self.first_from_camera;
         let Camera { fx, fy, cx, cy, width, height } = self.camera;

@@ -1,35 +1,35 @@
-//! Photos at another resolution.
+//! Resampling of photos.
 
 use lo_imaging::{Image, Photo, RadianceImage, linear_from_srgb8};
 use rayon::prelude::*;
 
-/// Long side of the working resolution in pixels; with 3:2 photos this is the 480 × 320 = 153,600 points of the paper.
+/// Long side of the working resolution in pixels; 3:2 photos then have the paper's 480 × 320 = 153,600 points.
 const WORKING_LONG_SIDE: f64 = 480.0;
 
-/// Most points of the working resolution.
+/// Largest number of pixels of the working resolution.
 const WORKING_POINTS: f64 = 153_600.0;
 
-/// The photo at the resolution that estimation works at, of which [`Frame::working`](crate::Frame::working) tells; for a photo
-/// whose depth is not known yet.
+/// Returns a photo without depth at the working resolution of estimation; see
+/// [`Frame::working`](crate::Frame::working).
 ///
 /// # Panics
-/// Where the photo has no pixels.
+/// If the photo has no pixels.
 pub fn working_photo(photo: &Photo) -> Photo {
     let (width, height) = working_size(photo);
     resized_photo(photo, width, height)
 }
 
-/// Width and height of the working resolution.
+/// Returns width and height of the working resolution.
 pub(crate) fn working_size(photo: &Photo) -> (usize, usize) {
     let (width, height) = (photo.width() as f64, photo.height() as f64);
     let scale = (WORKING_LONG_SIDE / width.max(height)).min((WORKING_POINTS / (width * height)).sqrt()).min(1.0);
     (((width * scale) as usize).max(1), ((height * scale) as usize).max(1))
 }
 
-/// A photo at another resolution: mean linear value over each new pixel's footprint (box filter with exact edge weights); a photo of that
-/// size stays as it is.
+/// Resizes a photo: each new pixel is the mean linear value over its footprint (box filter with exact edge weights).
+/// A photo of that size stays unchanged.
 ///
-/// 8-bit photos are converted row by row, so that a 50-megapixel photo never exists as 600 MB of floats.
+/// 8-bit photos are converted row by row, so that a 50-megapixel photo never needs 600 MB of floats.
 pub fn resized_photo(photo: &Photo, width: usize, height: usize) -> Photo {
     match photo {
         photo if (photo.width(), photo.height()) == (width, height) => photo.clone(),
@@ -89,7 +89,7 @@ impl Footprint {
         Self { start: index as f64 * scale, end: (index + 1) as f64 * scale, last: source - 1 }
     }
 
-    /// Source indices with weights that sum to 1.
+    /// Returns source indices with weights that sum to 1.
     fn weights(&self) -> impl Iterator<Item = (usize, f32)> {
         let (start, end, last) = (self.start, self.end, self.last);
         (start as usize..=(end.ceil() as usize).saturating_sub(1).clamp(start as usize, last)).map(move |i| {

@@ -1,59 +1,60 @@
 use lo_geometry::{Mat3, Plane, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// How the unseen part of a scene was completed.
+/// Method by which unobserved regions of a scene were completed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Completion {
-    /// By the light network.
+    /// The light network.
     Network,
-    /// By fitted planes and diffuse extrapolation.
+    /// Fitted planes and diffuse extrapolation.
     Shell,
-    /// Not at all: only what the photo saw is there.
+    /// None: only observed regions are there.
     #[default]
     None,
 }
 
-/// Which side of the room a plane closes.
+/// Side of the room that a plane closes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Side {
-    /// Its normal is the up vector.
+    /// Floor; its normal is the up vector.
     Floor,
-    /// Its normal is the down vector.
+    /// Ceiling; its normal is the down vector.
     Ceiling,
-    /// Its normal is horizontal.
+    /// Wall; its normal is horizontal.
     Wall,
 }
 
 /// One plane of the room's closing box.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RoomPlane {
-    /// Which side it closes.
+    /// Side that it closes.
     pub side: Side,
     /// The plane; its normal points into the room.
     pub plane: Plane,
-    /// Whether it was fitted to readings; otherwise it was assumed.
+    /// Whether it was fitted to readings instead of assumed.
     pub measured: bool,
 }
 
-/// The layout of a room: gravity and the six planes that close it.
+/// Layout of a room: gravity and the six planes that close it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Room {
-    /// Unit vector against gravity, world frame.
+    /// Unit vector against gravity, in the world frame.
     pub up: Vec3,
     /// Floor, ceiling and walls.
     pub planes: Vec<RoomPlane>,
 }
 
 impl Room {
-    /// The floor plane, where there is one.
+    /// Returns the floor plane, if there is one.
     pub fn floor(&self) -> Option<Plane> {
         self.planes.iter().find(|p| p.side == Side::Floor).map(|p| p.plane)
     }
 
-    /// What turns directions of the camera's frame into those of a level one: up is +Y, and the camera's heading −Z. A camera that looks
-    /// straight up or down heads for where the bottom or the top of its picture points.
+    /// Returns the rotation from the camera's frame to a level one: up is +Y, and the camera's heading −Z.
+    ///
+    /// For a camera that looks straight up or down, the heading is where the bottom or the top of its image points.
     pub fn level_from_camera(&self) -> Mat3 {
         let up = self.up.normalize();
         let steep = if up.z > 0.0 { Vec3::Y } else { Vec3::NEG_Y };
@@ -62,7 +63,7 @@ impl Room {
         Mat3::from_cols(up.cross(back), up, back).transpose()
     }
 
-    /// Whether all numbers are finite and all directions of unit length.
+    /// Returns whether all numbers are finite and all directions have unit length.
     pub(crate) fn is_valid(&self) -> bool {
         let unit = |v: Vec3| (v.length_squared() - 1.0).abs() < 1e-3;
         unit(self.up) && self.planes.iter().all(|p| unit(p.plane.normal) && p.plane.offset_m.is_finite())
@@ -81,7 +82,7 @@ mod tests {
             assert!((level * up - Vec3::Y).length() < 1e-5, "{up}");
             let ahead = level * Vec3::NEG_Z;
             assert!(ahead.x.abs() < 1e-5 && ahead.z < 1e-5, "{up}: {ahead}");
-            // Looking down, the top of the picture is ahead; looking up, the bottom.
+            // Looking down, the top of the image is ahead; looking up, the bottom.
             let top = level * Vec3::Y;
             assert!(z.abs() < 1.0 || top.z * z < -0.99, "{up}: {top}");
         }

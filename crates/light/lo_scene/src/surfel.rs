@@ -10,20 +10,20 @@ use crate::Frame;
 pub struct Surfel {
     /// World position in metres.
     pub position_m: Vec3,
-    /// Unit normal, towards the side that is lit; towards the camera for seen ones.
+    /// Unit normal, towards the lit side; towards the camera for observed surfels.
     pub normal: Vec3,
     /// Linear RGB radiance.
     pub radiance: [f32; 3],
-    /// Whether the photo saw it.
+    /// Whether a photo observed it.
     pub provenance: Provenance,
-    /// Where the camera stands that saw it.
+    /// Position of the camera that observed it, metres.
     pub eye_m: Vec3,
-    /// Its depth along that camera's optical axis, metres.
+    /// Depth along that camera's optical axis, metres.
     pub depth_m: f32,
 }
 
 impl Surfel {
-    /// The same in other axes.
+    /// Transforms it to other axes.
     pub fn moved(self, to_from_own: &RigidTransform) -> Self {
         Self {
             position_m: to_from_own.point(self.position_m),
@@ -40,22 +40,23 @@ impl From<Surfel> for RadiancePoint {
     }
 }
 
-/// Tangent of the steepest surface, against the line of sight, that is believed on both sides of a reading: 86°.
+/// Tangent of the steepest valid slope, against the line of sight, on both sides of a reading: 86°.
 ///
-/// Steeper than that on both sides of a pixel is a sensor's mixture of two surfaces. A floor seen from 1.5 m above reaches 86° at 21 m;
-/// the ramps of the LiDAR and Kinect frames at hand lie at 87.5° and more.
-const STEEPEST: f32 = 14.0;
+/// If both sides of a pixel are steeper, the sensor has mixed two surfaces. A floor seen from 1.5 m above reaches 86°
+/// at 21 m; the ramps of the LiDAR and Kinect test frames are at 87.5° and more.
+const MAX_SLOPE: f32 = 14.0;
 
-/// Inverse depths that differ by more than this share lie on different surfaces when a normal is fitted.
+/// Largest relative difference in inverse depth of one surface when a normal is fitted.
 const SURFACE_RANGE: f32 = 0.06;
 
 impl Frame {
-    /// The frame without flying pixels: their depth becomes 0, "no reading".
+    /// Removes flying pixels: their depth becomes 0, "no reading".
     ///
-    /// At depth edges sensors mix near and far into readings that hang in the air between them. A reading is dropped
-    /// when, along a row or a column, the surface falls off steeper than 86° against the line of sight on both of its sides
-    /// (a hole counts as a fall when the other side is one). Edges of real surfaces keep one smooth side and stay.
-    /// To be called at the depth map's own resolution or at the working one.
+    /// At depth edges, sensors mix near and far into readings between both surfaces. A reading is dropped if, along a
+    /// row or a column, the surface falls off steeper than 86° against the line of sight on both of its sides (a hole
+    /// counts as a fall if the other side is one). Edges of real surfaces keep one smooth side and stay.
+    ///
+    /// Call it at the depth map's own resolution or at the working resolution.
     pub fn without_flying_pixels(&self) -> Self {
         let depth = &self.depth_m;
         let camera = self.depth_camera();
@@ -71,7 +72,7 @@ impl Frame {
             };
             let flying = |a: Option<f32>, b: Option<f32>, pitch: f32| {
                 let falls = |side: Option<f32>| match side {
-                    Some(s) if s > 0.0 => (s - z).abs() > STEEPEST * pitch * s.min(z),
+                    Some(s) if s > 0.0 => (s - z).abs() > MAX_SLOPE * pitch * s.min(z),
                     _ => false,
                 };
                 let open = |side: Option<f32>| matches!(side, Some(s) if s <= 0.0);
@@ -83,35 +84,33 @@ impl Frame {
         Self { camera: self.camera, photo: self.photo.clone(), depth_m, exposure: self.exposure }
     }
 
-    /// Normal at each depth pixel, towards the camera; `None` at holes and where no surface can be fitted.
+    /// Returns the normal at each depth pixel, towards the camera; `None` at holes and where no surface can be
+    /// fitted.
     ///
-    /// Inverse depth is affine in the image on any plane, so a weighted least-squares fit of it over a window (9 × 9 pixels at
-    /// the working resolution) gives the plane. Readings further than 6 % in depth from the middle one belong to another surface and
-    /// weigh nothing, which keeps edges sharp.
+    /// Inverse depth of a plane is affine in the image. A weighted least-squares fit over a window (9 × 9 pixels at
+    /// the working resolution) gives the plane. Readings that differ by more than 6 % in depth from the centre belong
+    /// to another surface and have no weight, which keeps edges sharp.
     pub fn normals(&self) -> Image<Option<Vec3>> {
         normals_of(&self.depth_m, &self.depth_camera())
     }
 
-    /// All seen surface points: one per reading, row by row, with the given radiance at photo resolution (see [`Frame::radiance`])
-    /// and provenance [`Provenance::Observed`]. [`Frame::without_flying_pixels`] comes before it.
+    /// Returns all observed surface points: one per reading, row by row, with the given radiance at photo resolution
+    /// (see [`Frame::radiance`]) and provenance [`Provenance::Observed`]. Call [`Frame::without_flying_pixels`]
+    /// first.
     ///
-    /// Photo and depth must have one resolution, as [`Frame::working`] makes them; otherwise the radiance of the photo pixel at
-    /// the middle of the depth pixel is taken.
+    /// Photo and depth should have one resolution, as from [`Frame::working`]; otherwise each point gets the radiance
+    /// of the photo pixel at the centre of the depth pixel.
     pub fn surfels(&self, radiance: &RadianceImage) -> Vec<Surfel> {
         self.surfels_with_normals(&self.normals(), radiance)
     }
 
-    /// [`Frame::surfels`] with normals that are known already; those that are not point to the camera.
+    /// [`Frame::surfels`] with given normals; missing ones point to the camera.
     ///
     /// # Panics
-    /// Where `normals` is not of the depth map's size.
+    /// If `normals` does not have the depth map's size.
     pub fn surfels_with_normals(&self, normals: &Image<Option<Vec3>>, radiance: &RadianceImage) -> Vec<Surfel> {
         let depth = &self.depth_m;
-        assert_eq!(
-            (normals.width(), normals.height()),
-            (depth.width(), depth.height()),
-            "one normal for each depth pixel"
-        );
+        assert_eq!((normals.width(), normals.height()), (depth.width(), depth.height()), "one normal per depth pixel");
         let camera = self.depth_camera();
         let (width, height) = (depth.width(), depth.height());
         let mut surfels = Vec::with_capacity(width * height);
@@ -165,7 +164,7 @@ fn normal_at(inverse: &Image<f32>, camera: &Camera, x: usize, y: usize, radius: 
         for (i, &value) in line.iter().enumerate() {
             let u = (columns.start + i) as f32 - x as f32;
             let difference = value - centre;
-            // Tukey's biweight; holes (0) are far away from any reading and weigh nothing.
+            // Tukey's biweight; holes (0) are far from any reading and have no weight.
             let t = (1.0 - (difference * scale).powi(2)).max(0.0);
             let w = t * t;
             s += w;
@@ -182,7 +181,7 @@ fn normal_at(inverse: &Image<f32>, camera: &Camera, x: usize, y: usize, radius: 
     let (cuu, cuv, cvv) = (suu - su * su / s, suv - su * sv / s, svv - sv * sv / s);
     let (cuz, cvz) = (suz - su * sz / s, svz - sv * sz / s);
     let determinant = cuu * cvv - cuv * cuv;
-    // Readings along one line alone, or fewer than three, span no plane.
+    // Readings along one line, or fewer than three, do not define a plane.
     if determinant <= 1e-3 * s * s {
         return None;
     }
@@ -204,7 +203,7 @@ mod tests {
 
     use super::*;
 
-    /// The depth map that a camera sees of a plane.
+    /// Renders the depth map of a plane.
     fn depth_of(plane: Plane, camera: &Camera) -> DepthMap {
         Image::from_fn(camera.width as usize, camera.height as usize, |x, y| {
             let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);

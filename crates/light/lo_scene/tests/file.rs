@@ -1,4 +1,4 @@
-//! The scene file: round trip, an independent reader, and damaged files.
+//! Tests of the scene file: round trip, an independent reader, and damaged files.
 #![allow(clippy::unwrap_used)]
 
 use std::sync::Arc;
@@ -8,8 +8,8 @@ use lo_imaging::{Image, Photo, RadianceImage};
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{
     AddedLight, AnalyticLight, CameraSource, Completion, EmitterEdit, Estimate, EstimateOrigin, ExpectedLight, Frame,
-    GuessedLight, LaidPanorama, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning,
-    MAX_LIGHT_EDITS, ObjectsShown, PanoramaPicture, PanoramaSource, Room, RoomPlane, SceneError, SceneFile,
+    GuessedLight, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning, MAX_LIGHT_EDITS,
+    ObjectDisplay, PanoramaContribution, PanoramaImage, PanoramaSource, Room, RoomPlane, SceneError, SceneFile,
     SceneObjects, Side,
 };
 use proptest::prelude::*;
@@ -35,7 +35,7 @@ fn scene(linear: bool) -> SceneFile {
     let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
     let sources = vec!["/home/somebody/photo.jpg".to_owned(), "C:\\pictures\\depth.png".to_owned()];
     let origin = EstimateOrigin { completion: Completion::Shell, sources, ..EstimateOrigin::default() };
-    Estimate { room: Some(room), origin, ..Estimate::as_seen(light, frame) }.into()
+    Estimate { room: Some(room), origin, ..Estimate::observed_only(light, frame) }.into()
 }
 
 fn estimate_of(scene: &mut SceneFile) -> &mut Estimate {
@@ -85,7 +85,7 @@ fn where_the_camera_comes_from_comes_back() {
     }
     estimate_of(&mut scene).origin.up_deviation_deg = Some(-1.0);
     let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
-    assert!(SceneFile::from_bytes(&bytes).unwrap_err().to_string().contains("a deviation that is no angle"));
+    assert!(SceneFile::from_bytes(&bytes).unwrap_err().to_string().contains("is not a valid angle"));
 }
 
 #[test]
@@ -125,22 +125,22 @@ fn what_a_panorama_gave_comes_back_and_leaves_other_files_as_they_are() {
         confidence: 0.81,
         clipped: true,
     };
-    // Brighter than half precision goes, and dim.
+    // Above the range of half precision, and dim.
     let radiance = RadianceImage::from_fn(32, 16, |x, y| [1e6 / (1 + x * x + y * y) as f32, 0.1, 0.0]);
-    let picture = Some(PanoramaPicture::new(&radiance, Quat::from_rotation_y(0.3)));
+    let image = Some(PanoramaImage::new(&radiance, Quat::from_rotation_y(0.3)));
     let mut scene = plain;
-    estimate_of(&mut scene).panorama = Some(LaidPanorama { source, share, picture });
+    estimate_of(&mut scene).panorama = Some(PanoramaContribution { source, share, image });
     let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
     let back = SceneFile::from_bytes(&bytes).unwrap().estimate.panorama.clone().unwrap();
-    let laid = estimate_of(&mut scene).panorama.as_mut().unwrap();
-    assert_eq!((&back.share, &back.source.file[..]), (&laid.share, "theta.hdr"));
-    laid.source.file = "theta.hdr".to_owned();
-    assert_eq!(back.source, laid.source);
-    assert_eq!(back.picture, laid.picture);
-    let kept = &laid.picture.as_ref().unwrap().radiance;
+    let contribution = estimate_of(&mut scene).panorama.as_mut().unwrap();
+    assert_eq!((&back.share, &back.source.file[..]), (&contribution.share, "theta.hdr"));
+    contribution.source.file = "theta.hdr".to_owned();
+    assert_eq!(back.source, contribution.source);
+    assert_eq!(back.image, contribution.image);
+    let kept = &contribution.image.as_ref().unwrap().radiance;
     let same = |a: &f32, b: &f32| (a - b).abs() <= 1e-3 * b.abs();
     assert!(kept.pixels().as_flattened().iter().zip(radiance.pixels().as_flattened()).all(|(a, b)| same(a, b)));
-    laid.share[3].pop();
+    contribution.share[3].pop();
     let error = SceneFile::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
     assert!(error.contains("panorama_share") && error.contains("feature rows"), "{error}");
     estimate_of(&mut scene).panorama.as_mut().unwrap().source.confidence = 1.5;
@@ -203,7 +203,7 @@ fn edits_of_light_lie_beside_the_estimate() {
     let scene = SceneFile { light_edits: edits(), ..plain.clone() };
     let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
     let mut back = SceneFile::from_bytes(&bytes).unwrap();
-    assert_eq!((&back.light_edits, &back.estimate), (&scene.light_edits, &plain.estimate));
+    assert_eq!((&back.light_edits, &back.estimate.light), (&scene.light_edits, &plain.estimate.light));
     assert_eq!(back.to_bytes(lo_imaging::GENERATOR).unwrap(), bytes);
     back.light_edits = LightEdits::default();
     assert!(back.to_bytes(lo_imaging::GENERATOR).unwrap() == without, "without edits the file is as it was");
@@ -225,20 +225,20 @@ fn edits_out_of_range_are_named() {
         edits.guessed = Some(GuessedLight { light: LightMode::Plausible, tuning });
     };
     let usual = LightTuning::default();
-    wrong(&|edits| guessed(edits, LightTuning { contrast: 3.5, ..usual }), "guessed light: the contrast");
-    wrong(&|edits| guessed(edits, LightTuning { warmth_ev: -5.0, ..usual }), "guessed light: the warmth");
+    wrong(&|edits| guessed(edits, LightTuning { contrast: 3.5, ..usual }), "inferred light: the contrast");
+    wrong(&|edits| guessed(edits, LightTuning { warmth_ev: -5.0, ..usual }), "inferred light: the warmth");
     wrong(&|edits| edits.emitters[0].change.scale = -1.0, "edited light L1: the scale");
     wrong(&|edits| edits.emitters[0].change.color = Some(LightColor::Kelvin(1.0)), "edited light L1: the colour");
     wrong(&|edits| edits.emitters[0].change.color = Some(LightColor::Rgb([0.0; 3])), "edited light L1: the colour");
-    wrong(&|edits| edits.emitters[0].change.at_m = Some(Vec3::splat(1e9)), "edited light L1: the place");
-    wrong(&|edits| edits.emitters[0].id = "a/b".to_owned(), "an edited light is called \"a/b\"");
+    wrong(&|edits| edits.emitters[0].change.at_m = Some(Vec3::splat(1e9)), "edited light L1: the position");
+    wrong(&|edits| edits.emitters[0].id = "a/b".to_owned(), "invalid name of an edited light: \"a/b\"");
     wrong(&|edits| edits.emitters[0].id = "A2".to_owned(), "light A2 is edited twice");
     wrong(&|edits| edits.added[0].light.radiance[1] = -1.0, "edited light A1: the radiance");
     wrong(&|edits| edits.added = vec![edits.added[0].clone(); MAX_LIGHT_EDITS + 1], "257 edited lights");
     let shape = |edits: &mut LightEdits, shape| edits.added[0].light.shape = shape;
     let sphere = |centre_m, radius_m| LightShape::Sphere { centre_m, radius_m };
     wrong(&|edits| shape(edits, sphere(Vec3::ZERO, 0.0)), "the size");
-    wrong(&|edits| shape(edits, sphere(Vec3::splat(1e6), 0.1)), "the place");
+    wrong(&|edits| shape(edits, sphere(Vec3::splat(1e6), 0.1)), "the position");
     let sun = |direction, angular_radius_deg| LightShape::Sun { direction, angular_radius_deg, of_photo: false };
     wrong(&|edits| shape(edits, sun(Vec3::Y, 90.0)), "the size");
     wrong(&|edits| shape(edits, sun(Vec3::splat(1.0), 0.3)), "the direction");
@@ -249,7 +249,7 @@ fn objects() -> SceneObjects {
     SceneObjects {
         layout: r#"[{"mesh":"a.obj","pixel":[1,2]}]"#.to_owned(),
         files: [("a.obj".to_owned(), file(b"v 0 0 0")), ("a.obj/a.mtl".to_owned(), file(b""))].into(),
-        shown: ObjectsShown { floor_gloss: 0.25, frames: Some(7), fps: 30, time_s: 1.5 },
+        shown: ObjectDisplay { floor_gloss: 0.25, frames: Some(7), fps: 30, time_s: 1.5 },
     }
 }
 
@@ -261,11 +261,11 @@ fn objects_lie_beside_the_rest_and_leave_other_files_as_they_are() {
     let scene = SceneFile { objects: objects(), ..plain.clone() };
     let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
     let mut back = SceneFile::from_bytes(&bytes).unwrap();
-    assert_eq!((&back.objects, &back.estimate), (&scene.objects, &plain.estimate));
+    assert_eq!((&back.objects, &back.estimate.light), (&scene.objects, &plain.estimate.light));
     assert_eq!(back.to_bytes(lo_imaging::GENERATOR).unwrap(), bytes);
     back.objects = SceneObjects::default();
     assert!(back.to_bytes(lo_imaging::GENERATOR).unwrap() == without, "without objects the file is as it was");
-    // An independent reader finds the files as they came.
+    // An independent reader gets the files unchanged.
     let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
     assert_eq!(tensors.tensor("objects.0").unwrap().data(), b"v 0 0 0");
     assert_eq!(tensors.tensor("objects").unwrap().data(), scene.objects.layout.as_bytes());
@@ -284,7 +284,7 @@ fn objects_that_are_damaged_are_named() {
     refused(&|objects| objects.shown.fps = 0, "frames per second");
     refused(&|objects| objects.shown.time_s = -1.0, "times");
     for name in ["", "../a", "a//b", "a/b/c", "a\\b", "a\nb", ".."] {
-        refused(&|objects| drop(objects.files.insert(name.into(), Arc::from(&b""[..]))), "no name of a file");
+        refused(&|objects| drop(objects.files.insert(name.into(), Arc::from(&b""[..]))), "not a valid file name");
     }
     let many =
         |objects: &mut SceneObjects| objects.files = (0..1001).map(|i| (i.to_string(), Arc::from(&b""[..]))).collect();
@@ -293,7 +293,7 @@ fn objects_that_are_damaged_are_named() {
     for (from, to, what) in [
         ("\"objects.1\":", "\"objects.9\":", "objects.1 with a.obj/a.mtl is missing"),
         ("\"objects\":{\"dtype", "\"objectx\":{\"dtype", "their layout is missing"),
-        ("a.obj/a.mtl", "a.obj/../tl", "no name"),
+        ("a.obj/a.mtl", "a.obj/../tl", "not a valid"),
         ("\\\"fps\\\":30", "\\\"fps\\\":-3", "metadata: invalid value"),
         ("[{\"mesh\"", "[{\u{7f}mes\u{7f}\"", ""),
     ] {
@@ -302,7 +302,7 @@ fn objects_that_are_damaged_are_named() {
         bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
         match SceneFile::from_bytes(&bytes) {
             Err(error) => assert!(error.to_string().contains(what), "{error}"),
-            // What a layout says is not this crate's.
+            // This crate does not interpret layouts.
             Ok(scene) => assert!(what.is_empty() && scene.objects.layout.contains('\u{7f}')),
         }
     }
@@ -312,7 +312,7 @@ fn objects_that_are_damaged_are_named() {
     assert!(SceneFile::from_bytes(&bytes).unwrap_err().to_string().contains("UTF-8"));
 }
 
-/// A second reader, from the safetensors format's own description: 8 bytes of length, JSON, data.
+/// An independent reader, written from the description of the safetensors format: 8 bytes of length, JSON, data.
 #[test]
 fn the_layout_is_what_the_documentation_says() {
     let scene = scene(false);
@@ -391,7 +391,7 @@ proptest! {
         for (at, bit) in flips {
             bytes[at % reach] ^= 1 << bit;
         }
-        // Either the damage shows, or it hit a value that may have any content; then the scene must be writable again.
+        // Either the damage is detected, or it changed an unconstrained value; then the scene must be writable again.
         if let Ok(scene) = SceneFile::from_bytes(&bytes) {
             prop_assert!(scene.to_bytes(lo_imaging::GENERATOR).is_ok());
         }

@@ -59,6 +59,6 @@ impl NewLight {
             }
         };
         let light = AnalyticLight { shape, radiance: (color * white).to_array() };
-        light.wrong().map_or(Ok(light), |what| Err(SessionError::Range(what)))
+        light.invalid_field().map_or(Ok(light), |what| Err(SessionError::Range(what)))
     }
 }

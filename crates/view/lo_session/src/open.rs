@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use lightoctree::geometry::Vec3;
-use lightoctree::insert::{Ground, SeenSurfaces};
+use lightoctree::insert::{Ground, ObservedSurfaces};
 use lightoctree::lo_lights::ListedLight;
 use lightoctree::scene::Room;
 use lightoctree::{Document, Estimate, FittedLight};
@@ -16,7 +16,7 @@ pub struct OpenScene {
     /// To be lit.
     pub fitted: FittedLight,
     /// The surfaces that the photo sees.
-    pub surfaces: SeenSurfaces,
+    pub surfaces: ObservedSurfaces,
     /// Depth of the farthest of them, metres.
     pub far_m: f32,
 }
@@ -37,7 +37,7 @@ impl OpenScene {
     pub fn new(file: impl Into<String>, document: impl Into<Document>) -> Self {
         let document = document.into();
         let fitted = FittedLight::new(document.estimate.clone());
-        let surfaces = SeenSurfaces::new(&document.estimate);
+        let surfaces = ObservedSurfaces::new(&document.estimate);
         let far_m = surfaces.depth_m().pixels().iter().fold(0.0f32, |far, &z| far.max(z));
         Self { file: file.into(), fitted, surfaces, far_m, document }
     }

@@ -177,7 +177,7 @@ pub(crate) fn at_side(scene: &LitScene, side: usize) -> Cow<'_, LitScene> {
         panorama: scene.panorama.clone(),
         other_photos: scene.other_photos.clone(),
         origin: scene.origin.clone(),
-        ..Estimate::as_seen(scene.light.clone(), frame)
+        ..Estimate::observed_only(scene.light.clone(), frame)
     };
     Cow::Owned(LitScene { estimate: estimate.into(), light: scene.light.clone(), edited: scene.edited.clone() })
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use lightoctree::Document;
 use lightoctree::insert::{Ground, LayoutObject, PathSource, Placement};
-use lightoctree::scene::ObjectsShown;
+use lightoctree::scene::ObjectDisplay;
 
 use crate::{Mesh, Object, ObjectMaterial, Place, SessionError, Size, State};
 
@@ -34,7 +34,7 @@ impl State {
     /// # Errors
     /// Where an object cannot stand there, or is described in a way that a session does not support.
     pub fn of_document(document: &Document, ground: Ground<'_>) -> Result<(Self, Meshes), SessionError> {
-        let ObjectsShown { floor_gloss, frames, fps, time_s } = document.shown;
+        let ObjectDisplay { floor_gloss, frames, fps, time_s } = document.shown;
         let lights = document.light_edits.clone();
         let mut state = Self { objects: Vec::new(), lights, floor_gloss, frames, fps, time_s };
         let mut meshes = Meshes::new();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use lightoctree::insert::{Align, Layout, Placement};
 use lightoctree::mesh::Model;
-use lightoctree::scene::{CONTRASTS, LightEdits, MAX_LIGHT_EDITS, ObjectsShown, WARMTHS_EV};
+use lightoctree::scene::{CONTRASTS, LightEdits, MAX_LIGHT_EDITS, ObjectDisplay, WARMTHS_EV};
 use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, GuessedLight, LightEffect, LightMode};
 
 use crate::drag::dragged;
@@ -233,8 +233,8 @@ impl Session {
                 object(*id, &|object| object.interpolate(*interpolation))?
             }
             Command::Frames { frames, fps } => {
-                let shown = ObjectsShown { frames: *frames, fps: *fps, ..ObjectsShown::default() };
-                shown.wrong().map_or(Ok(()), |why| Err(SessionError::Shown(why)))?;
+                let shown = ObjectDisplay { frames: *frames, fps: *fps, ..ObjectDisplay::default() };
+                shown.invalid_field().map_or(Ok(()), |why| Err(SessionError::Shown(why)))?;
                 return Ok(State { frames: *frames, fps: *fps, ..state });
             }
             Command::FloorGloss { gloss } => {
@@ -319,7 +319,7 @@ impl Session {
         let estimate = self.open.estimate();
         match command {
             Command::SetLight { light, change } => {
-                change.wrong().map_or(Ok(()), |what| Err(SessionError::Range(what)))?;
+                change.invalid_field().map_or(Ok(()), |what| Err(SessionError::Range(what)))?;
                 let listed = self.open.lights().iter().find(|listed| listed.id == *light);
                 if listed.is_none() && !lights.added.iter().any(|added| added.id == *light) {
                     return Err(SessionError::NoLight(light.clone()));

@@ -1,6 +1,6 @@
 use lightoctree::GuessedLight;
 use lightoctree::insert::{Ground, InsertError, Layout};
-use lightoctree::scene::{LightEdits, ObjectsShown};
+use lightoctree::scene::{LightEdits, ObjectDisplay};
 
 use crate::keyframes::kept_time_s;
 use crate::{Object, SessionError};
@@ -24,7 +24,7 @@ pub struct State {
 
 impl Default for State {
     fn default() -> Self {
-        let ObjectsShown { floor_gloss, frames, fps, time_s } = ObjectsShown::default();
+        let ObjectDisplay { floor_gloss, frames, fps, time_s } = ObjectDisplay::default();
         Self { objects: Vec::new(), lights: LightEdits::default(), floor_gloss, frames, fps, time_s }
     }
 }
@@ -70,9 +70,9 @@ impl State {
     }
 
     /// How the scene's file holds that.
-    pub(crate) fn shown(&self) -> ObjectsShown {
+    pub(crate) fn shown(&self) -> ObjectDisplay {
         let Self { floor_gloss, frames, fps, time_s, .. } = *self;
-        ObjectsShown { floor_gloss, frames, fps, time_s }
+        ObjectDisplay { floor_gloss, frames, fps, time_s }
     }
 
     /// As `insert --layout` reads it.

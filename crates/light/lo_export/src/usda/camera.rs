@@ -1,13 +1,13 @@
-//! The photo's camera, and the photo behind the scene.
+//! The photo's camera, and the photo as a backdrop.
 
 use lo_geometry::Camera;
 
 use super::text::{array, interpolation, triple};
 
-/// Width of the film back in tenths of a scene unit, as USD counts: 36 mm of full frame where the unit is the metre.
+/// Width of the film back in tenths of a scene unit, as in USD: 36 mm full frame with the metre as the unit.
 const FILM_WIDTH: f64 = 0.36;
 
-/// The photo's camera; the apertures' offsets carry a principal point off the centre.
+/// Encodes the photo's camera; the aperture offsets express an off-centre principal point.
 pub fn camera(camera: &Camera) -> String {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     let focal_length = FILM_WIDTH * camera.fx / width;
@@ -30,7 +30,7 @@ pub fn camera(camera: &Camera) -> String {
     )
 }
 
-/// The photo on a card that fills the camera's picture, `distance_m` away.
+/// Encodes the photo on a card that fills the camera's view, `distance_m` away.
 pub fn backdrop(camera: &Camera, distance_m: f32, material: &str) -> String {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     let corners = [(0.0, height), (width, height), (width, 0.0), (0.0, 0.0)]
@@ -59,7 +59,7 @@ mod tests {
         let focal = number(&text, "focalLength");
         let (width, height) = (number(&text, "horizontalAperture"), number(&text, "verticalAperture"));
         let (right, up) = (number(&text, "horizontalApertureOffset"), number(&text, "verticalApertureOffset"));
-        // USD's window on the plane one unit before the camera: (offset ± aperture / 2) / focal length.
+        // USD's window on the plane one unit in front of the camera: (offset ± aperture / 2) / focal length.
         let corner = camera.unproject(0.0, 0.0, 1.0);
         assert!(((right - 0.5 * width) / focal - f64::from(corner.x)).abs() < 1e-6);
         assert!(((up + 0.5 * height) / focal - f64::from(corner.y)).abs() < 1e-6);

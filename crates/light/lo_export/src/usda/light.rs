@@ -1,17 +1,17 @@
-//! Lamps, and the dome of a probe.
+//! Lamps, and domes of light probes.
 
 use lo_geometry::Vec3;
 use lo_scene::{AnalyticLight, LightShape};
 
 use super::text::{asset, matrix, triple};
+use crate::lamps::Lamp;
 use crate::probe::ProbeFile;
-use crate::sources::Source;
 
-/// A lamp of its size and power, or a sun.
+/// Encodes a lamp with its size and power, or a sun.
 ///
-/// Normalised, so that a lamp keeps its power when it is made larger: `intensity` is radiance times area, from which Blender
-/// makes watts, and of a sun its irradiance.
-pub fn lamp(index: usize, lamp: &Source) -> String {
+/// It is normalised, so that a lamp keeps its power when it is enlarged: `intensity` is radiance times area, which
+/// Blender converts to watts, or a sun's irradiance.
+pub fn lamp(index: usize, lamp: &Lamp) -> String {
     let AnalyticLight { shape, radiance } = lamp.light;
     let strongest = radiance.into_iter().fold(0.0, f32::max);
     // Rectangles and suns shine along their −Z.
@@ -52,7 +52,7 @@ pub fn lamp(index: usize, lamp: &Source) -> String {
     )
 }
 
-/// The panorama of a probe as what surrounds the scene.
+/// Encodes the panorama of a probe as a dome light.
 pub fn dome(probe: &ProbeFile) -> String {
     format!(
         r#"def DomeLight "Probe"

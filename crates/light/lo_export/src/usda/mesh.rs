@@ -1,4 +1,4 @@
-//! Meshes and their materials, and points.
+//! Meshes, materials and points.
 
 use lo_geometry::Vec3;
 
@@ -8,7 +8,7 @@ use crate::photo_mesh::PhotoMesh;
 use crate::points::Point;
 use crate::room_mesh::RoomMesh;
 
-/// The room: quads with the texture of an [`Atlas`].
+/// Encodes the room: quads with the texture of an [`Atlas`].
 pub fn room(mesh: &RoomMesh, material: &str) -> String {
     let atlas = Atlas::new(mesh.quads.len());
     let mut text = head("Room", &mesh.positions_m, material);
@@ -20,7 +20,7 @@ pub fn room(mesh: &RoomMesh, material: &str) -> String {
     text + "    uniform token subdivisionScheme = \"none\"\n}\n\n"
 }
 
-/// What the photo sees.
+/// Encodes the observed surface.
 pub fn photo(mesh: &PhotoMesh, material: &str) -> String {
     let mut text = head("Photo", &mesh.positions_m, material);
     text += &array("    int[] faceVertexCounts", "", mesh.triangles.iter().map(|_| 3));
@@ -30,7 +30,7 @@ pub fn photo(mesh: &PhotoMesh, material: &str) -> String {
     text + "    uniform token subdivisionScheme = \"none\"\n}\n\n"
 }
 
-/// The photo's mesh once more, grey and by `scale` nearer to the camera at the origin.
+/// Encodes the photo's mesh as a grey shadow catcher, scaled by `scale` towards the camera at the origin.
 pub fn shadow_catcher(photo: &str, scale: f32, material: &str) -> String {
     format!(
         r#"def Mesh "ShadowCatcher" (
@@ -64,12 +64,13 @@ fn head(name: &str, positions_m: &[Vec3], material: &str) -> String {
     )
 }
 
-/// Texture coordinates as USD counts them, from the lower left.
+/// Returns texture coordinates in USD's convention, from the lower left.
 fn st([u, v]: [f32; 2]) -> String {
     format!("({u}, {})", 1.0 - v)
 }
 
-/// A material that gives off the linear light of a texture and reflects nothing. `space` is the texture's `sourceColorSpace`.
+/// Encodes a material that emits the linear radiance of a texture and reflects nothing. `space` is the texture's
+/// `sourceColorSpace`.
 pub fn emitting(parent: &str, name: &str, texture: &str, space: &str) -> String {
     format!(
         r#"def Material "{name}"
@@ -110,7 +111,7 @@ pub fn emitting(parent: &str, name: &str, texture: &str, space: &str) -> String 
     )
 }
 
-/// A grey diffuse material.
+/// Encodes a grey diffuse material.
 pub fn grey(parent: &str, name: &str) -> String {
     format!(
         r#"def Material "{name}"
@@ -131,7 +132,7 @@ pub fn grey(parent: &str, name: &str) -> String {
     )
 }
 
-/// Loose points. `panorama`: with the share that a panorama of the room gave.
+/// Encodes loose points; `panorama` adds the panorama's share of each.
 pub fn points(points: &[Point], panorama: bool) -> String {
     let mut low = points[0].position_m;
     let mut high = low;

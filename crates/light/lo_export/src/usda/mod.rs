@@ -1,5 +1,5 @@
-//! USD as text: the photo's camera, the room as emitting meshes, and a choice of lighting: these meshes with lamps, or a probe as a
-//! dome.
+//! USD as text: the photo's camera, the room as emissive meshes, and variants of the lighting: these meshes with
+//! lamps, or a probe as a dome.
 
 mod camera;
 mod light;
@@ -9,59 +9,65 @@ mod text;
 use lo_geometry::Camera;
 
 use crate::header::{FRAME, GENERATOR, LEVEL_FRAME, UNITS};
-use crate::level::Level;
+use crate::lamps::Lamp;
 use crate::photo_mesh::PhotoMesh;
 use crate::points::Point;
 use crate::probe::ProbeFile;
 use crate::room_mesh::RoomMesh;
-use crate::sources::Source;
+use crate::world_frame::WorldFrame;
 use text::{indented, matrix};
 
-/// Where the camera's frame and the materials stand.
+/// Paths of the camera's frame and of the materials.
 const WORLD: &str = "/Scene/World";
 const MATERIALS: &str = "/Scene/World/Materials";
 
-/// The shadow catcher is nearer to the camera than the photo's mesh by this share: 4 mm in 2 m.
+/// Scale of the shadow catcher towards the camera, relative to the photo's mesh: 4 mm in 2 m.
 const CATCHER_SCALE: f32 = 0.998;
 
-/// A file of radiance beside the stage.
+/// A texture file beside the stage.
 pub(crate) struct Texture {
-    /// Its name.
+    /// File name.
     pub file: String,
-    /// Its `sourceColorSpace`.
+    /// USD's `sourceColorSpace`.
     pub space: &'static str,
 }
 
-/// The room, and what belongs to it.
+/// The room's meshes and textures.
 pub(crate) struct Meshes<'a> {
-    /// The leaves' faces.
+    /// Faces of the leaves.
     pub room: &'a RoomMesh,
-    /// The texture of their radiance.
+    /// Texture of their radiance.
     pub room_texture: &'a Texture,
-    /// What the photo sees.
+    /// The observed surface.
     pub photo: &'a PhotoMesh,
     /// The photo.
     pub photo_texture: &'a Texture,
-    /// The photo with its highlights.
+    /// The photo with restored highlights.
     pub seen_texture: &'a Texture,
-    /// How far from the camera nothing of the room is, in metres.
+    /// Distance from the camera beyond all parts of the room, in metres.
     pub beyond_m: f32,
 }
 
-/// What the stage shows.
-pub(crate) enum Shown<'a> {
-    /// The room, emitting.
+/// Geometry of the stage.
+pub(crate) enum SceneGeometry<'a> {
+    /// The room as emissive meshes.
     Room(Meshes<'a>),
-    /// Points with colours; whether with the share that a panorama gave.
+    /// Points with colours, and whether they have a panorama's share.
     Points(&'a [Point], bool),
 }
 
-/// The whole file.
-pub(crate) fn encode(shown: &Shown, camera: &Camera, level: Level, lamps: &[Source], probes: &[ProbeFile]) -> String {
+/// Encodes the whole file.
+pub(crate) fn encode(
+    shown: &SceneGeometry,
+    camera: &Camera,
+    level: WorldFrame,
+    lamps: &[Lamp],
+    probes: &[ProbeFile],
+) -> String {
     let variant = |index: usize| if index == 0 { "probe".to_owned() } else { format!("probe{}", index + 1) };
-    // The dome holds the light of mesh and lamps already: one or the other, or everything is lit twice.
+    // The dome already contains the light of mesh and lamps: with both, everything would be lit twice.
     let lighting = if probes.is_empty() { "room" } else { "probe" };
-    let frame = if level == Level::CAMERA { FRAME } else { LEVEL_FRAME };
+    let frame = if level == WorldFrame::CAMERA { FRAME } else { LEVEL_FRAME };
     let mut text = format!(
         r#"#usda 1.0
 (
@@ -92,12 +98,12 @@ def Xform "Scene" (
     let mut world = camera::camera(camera);
     let mut dark = "";
     match shown {
-        Shown::Room(meshes) => {
+        SceneGeometry::Room(meshes) => {
             world += &room(meshes, camera);
             dark = "over \"World\"\n{\n    over \"Room\" (\n        active = false\n    )\n    {\n    }\n\n    \
                     over \"Photo\" (\n        active = false\n    )\n    {\n    }\n}\n";
         }
-        Shown::Points(points, panorama) => world += &mesh::points(points, *panorama),
+        SceneGeometry::Points(points, panorama) => world += &mesh::points(points, *panorama),
     }
     text += &indented(&indented(&world));
     text += "    }\n\n    variantSet \"lighting\" = {\n";
@@ -134,9 +140,9 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::test_scene::box_room;
-    use crate::{free_space, photo_mesh, points, room_mesh, sources};
+    use crate::{free_space, lamps, photo_mesh, points, room_mesh};
 
-    /// The numbers of an array, without its brackets.
+    /// Parses the numbers of an array, without its brackets.
     fn numbers(text: &str, declaration: &str) -> Vec<f32> {
         let (_, rest) = text.split_once(&format!("{declaration} = [")).unwrap();
         let (list, _) = rest.split_once(']').unwrap();
@@ -152,7 +158,7 @@ mod tests {
     fn points_give_their_values_back() {
         let scene = box_room();
         let points = points::from_photo(&scene.frame);
-        let text = encode(&Shown::Points(&points, false), &scene.frame.camera, Level::CAMERA, &[], &[]);
+        let text = encode(&SceneGeometry::Points(&points, false), &scene.frame.camera, WorldFrame::CAMERA, &[], &[]);
         let flat = |pick: fn(&Point) -> [f32; 3]| points.iter().flat_map(pick).collect::<Vec<f32>>();
         assert_eq!(numbers(&text, "point3f[] points"), flat(|p| p.position_m.to_array()));
         assert_eq!(numbers(&text, "float3[] primvars:radiance"), flat(|p| p.radiance));
@@ -164,8 +170,8 @@ mod tests {
     fn the_room_and_its_lamp_are_there() {
         let scene = box_room();
         let leaves = free_space::leaves(&scene.light, None);
-        let lamps = sources::sources(&leaves);
-        let room = room_mesh::from_leaves(&leaves, &sources::kept(&leaves, &lamps), &scene.light.cube, 3);
+        let lamps = lamps::find_lamps(&leaves);
+        let room = room_mesh::from_leaves(&leaves, &lamps::face_emission(&leaves, &lamps), &scene.light.cube, 3);
         let photo = photo_mesh::from_frame(&scene.frame, None);
         let texture = Texture { file: "room.exr".to_owned(), space: "raw" };
         let meshes = Meshes {
@@ -176,7 +182,7 @@ mod tests {
             seen_texture: &texture,
             beyond_m: 8.0,
         };
-        let text = encode(&Shown::Room(meshes), &scene.frame.camera, Level::CAMERA, &lamps, &[]);
+        let text = encode(&SceneGeometry::Room(meshes), &scene.frame.camera, WorldFrame::CAMERA, &lamps, &[]);
         let (_, body) = text.split_once("def Mesh \"Room\"").unwrap();
         let positions: Vec<f32> = room.positions_m.iter().flat_map(|p| p.to_array()).collect();
         assert_eq!(numbers(body, "point3f[] points"), positions);

@@ -1,8 +1,8 @@
-//! How USD writes values.
+//! Text syntax of USD values.
 
 use std::fmt::{Display, Write};
 
-/// A line `declaration = [values]` with what stands in brackets behind it.
+/// Returns a line `declaration = [values]`, followed by `metadata` in parentheses.
 pub fn array(declaration: &str, metadata: &str, values: impl Iterator<Item = impl Display>) -> String {
     let mut text = format!("{declaration} = [");
     for (index, value) in values.enumerate() {
@@ -12,32 +12,32 @@ pub fn array(declaration: &str, metadata: &str, values: impl Iterator<Item = imp
     text + "]" + metadata + "\n"
 }
 
-/// Brackets behind an attribute: where its values lie on the mesh.
+/// Returns metadata with the interpolation of an attribute's values on a mesh.
 pub fn interpolation(kind: &str) -> String {
     format!(" (\n    interpolation = \"{kind}\"\n)")
 }
 
-/// Shortest decimals that give the same floats back.
+/// Formats a tuple with the shortest decimals that round-trip.
 pub fn triple([x, y, z]: [f32; 3]) -> String {
     format!("({x}, {y}, {z})")
 }
 
-/// A matrix by its columns: USD's vectors are rows.
+/// Formats a matrix by its columns: USD's vectors are rows.
 pub fn matrix(columns: [[f32; 4]; 4]) -> String {
     let row = |[x, y, z, w]: [f32; 4]| format!("({x}, {y}, {z}, {w})");
     format!("( {} )", columns.map(row).join(", "))
 }
 
-/// The path of a file beside the stage.
+/// Returns the asset path of a file beside the stage.
 pub fn asset(name: &str) -> String {
-    // In a name between single @, an @ would end it; between triple ones a triple one is escaped.
+    // Between single @, an @ in the name would end it; between triple ones, a triple @ is escaped.
     match name.contains('@') {
         true => format!("@@@./{}@@@", name.replace("@@@", "\\@@@")),
         false => format!("@./{name}@"),
     }
 }
 
-/// Indents every line by one level; brackets of metadata, too.
+/// Indents every line by one level, including parentheses of metadata.
 pub fn indented(text: &str) -> String {
     text.lines().map(|line| if line.is_empty() { "\n".to_owned() } else { format!("    {line}\n") }).collect()
 }

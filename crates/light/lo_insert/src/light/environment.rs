@@ -8,53 +8,54 @@ use lo_scene::LitScene;
 use crate::light::map;
 use crate::light::samples::Lights;
 use crate::quality::Counts;
-use crate::surface::seen_surfaces::Surface;
+use crate::surface::observed_surfaces::Surface;
 use crate::{InsertError, Lighting};
 
-/// Light samples that are kept; subsets of them are used.
+/// Number of light samples; subsets of them are used.
 const LIGHT_SAMPLES: usize = 1024;
 
-/// Half-angle tangent of the rays that ask whether a light is seen.
+/// Half-angle tangent of shadow rays.
 const SHADOW_RAY_TANGENT: f32 = 0.01;
 
-/// Real surfaces fill the octree's leaves up to an edge above themselves; light is gathered from this many leaf edges above.
+/// Height in leaf edges above a real surface from which light is gathered; surfaces fill their leaves up to one edge.
 const LIFT_EDGES: f32 = 1.5;
 
-/// What shines on the object: the lighting octree or a map at infinity, with its main lights split off.
+/// Light on the objects: the lighting octree or a map at infinity, with its main lights split off.
 pub(crate) struct Environment {
-    source: Source,
+    source: EnvironmentSource,
     lights: Lights,
-    /// Height above a real surface from which light is gathered, in metres.
+    /// Height in metres above a real surface from which light is gathered.
     pub lift_m: f32,
 }
 
-enum Source {
+enum EnvironmentSource {
     Octree {
         whole: Box<ConeTracer>,
-        /// Reads `whole` between node centres, for reflections.
+        /// Reads `whole` interpolated between node centres, for reflections.
         smooth: Box<ConeTracer>,
-        /// Reads the rest between node centres: the cones start where the object is, and must not jump as it moves.
-        dimmed: Box<ConeTracer>,
-        pictures: Option<Box<Pictures>>,
-        /// Lights that no octree holds: added ones.
-        beside: Option<Box<AnalyticLights>>,
+        /// Reads the octree without the light samples, interpolated: cones start at the object and must not jump as
+        /// it moves.
+        rest: Box<ConeTracer>,
+        lookups: Option<Box<Lookups>>,
+        /// Lights outside of the octree, added by the user.
+        added: Option<Box<AnalyticLights>>,
         leaf_edge_m: f32,
     },
     Map {
         whole: RadianceMap,
-        dimmed: RadianceMap,
+        rest: RadianceMap,
     },
 }
 
-/// Pictures that reflections show instead of the octree's blocks and smooth estimates.
-struct Pictures {
+/// Lookups that sharpen reflections beyond the octree's resolution.
+struct Lookups {
     photo: PhotoLookup,
     panorama: Option<PanoramaLookup>,
-    /// Of what neither of them shows.
+    /// Detail where neither photo nor panorama observes anything.
     detail: Option<Detail>,
 }
 
-impl Pictures {
+impl Lookups {
     fn new(scene: &LitScene, tracer: &ConeTracer) -> Self {
         let photo = PhotoLookup::new(scene, tracer);
         let detail = Detail::new(scene, &photo);
@@ -62,24 +63,24 @@ impl Pictures {
     }
 }
 
-/// A ray from a place that a light sample lights.
+/// A shadow ray from a point to a light sample.
 pub(crate) struct LightRay {
-    /// The place.
+    /// The lit point.
     pub place: Vec3,
-    /// Where the ray begins, above the leaves of the surface there.
+    /// Start of the ray, above the leaves of the surface there.
     pub apex: Vec3,
     pub direction: Vec3,
-    /// Infinite for lights at infinity.
+    /// Distance to the light; infinite for lights at infinity.
     pub distance_m: f32,
 }
 
-/// Which light is asked for.
+/// Part of the light that is gathered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Part {
-    /// All of it.
-    Whole,
-    /// Without what the light samples carry.
-    Dimmed,
+pub(crate) enum LightPart {
+    /// All light.
+    All,
+    /// The light without that of the light samples.
+    Rest,
 }
 
 impl Environment {
@@ -96,20 +97,20 @@ impl Environment {
         let tracer =
             |light: &lo_octree::LightOctree, settings: Settings| ConeTracer::new(light, settings).map(Box::new);
         let whole = tracer(light, Settings::default())?;
-        let pictures = counts.photo_lookup.then(|| Box::new(Pictures::new(scene, &whole)));
+        let lookups = counts.photo_lookup.then(|| Box::new(Lookups::new(scene, &whole)));
         let interpolated = Settings { sampling: Sampling::Interpolated, ..Settings::default() };
         let smooth = tracer(light, interpolated)?;
-        // The back of a closed room's shell looks into empty space: nothing is met there before the end of the cube.
+        // The back of a closed room's shell faces empty space: a ray meets nothing before the end of the cube.
         let faces_room = |origin: Vec3, normal: Vec3| {
             let cone = Cone { origin, direction: normal, tan_half_angle: SHADOW_RAY_TANGENT };
             whole.trace(&cone).opacity > 0.5
         };
-        let (mut patches, dimmed) = lo_lights::split_octree(light, faces_room);
-        let beside = AnalyticLights::of(scene).map(Box::new);
-        patches.extend(beside.iter().flat_map(|lights| lights.patches()));
-        let dimmed = tracer(&dimmed, Settings { min_transmittance: counts.min_transmittance, ..interpolated })?;
+        let (mut patches, rest) = lo_lights::split_octree(light, faces_room);
+        let added = AnalyticLights::of(scene).map(Box::new);
+        patches.extend(added.iter().flat_map(|lights| lights.patches()));
+        let rest = tracer(&rest, Settings { min_transmittance: counts.min_transmittance, ..interpolated })?;
         let lights = Lights::sample(&patches, LIGHT_SAMPLES);
-        let source = Source::Octree { whole, smooth, dimmed, pictures, beside, leaf_edge_m };
+        let source = EnvironmentSource::Octree { whole, smooth, rest, lookups, added, leaf_edge_m };
         Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
     }
 
@@ -118,16 +119,16 @@ impl Environment {
             return Err(InsertError::EnvironmentMap(format!("has only {} × {} pixels", map.width(), map.height())));
         }
         let clean = map.map(|p| p.map(|c| if c.is_finite() { c.clamp(0.0, 1e9) } else { 0.0 }));
-        let (patches, dimmed) = map::split(&clean);
+        let (patches, rest) = map::split(&clean);
         let lights = Lights::sample(&patches, LIGHT_SAMPLES);
-        let source = Source::Map { whole: RadianceMap::new(clean), dimmed: RadianceMap::new(dimmed) };
+        let source = EnvironmentSource::Map { whole: RadianceMap::new(clean), rest: RadianceMap::new(rest) };
         Ok(Self { source, lights, lift_m: 0.0 })
     }
 
-    /// Removes the detail of what was not seen from reflections.
+    /// Removes the detail of unobserved regions from reflections.
     pub fn remove_detail(&mut self) {
-        if let Source::Octree { pictures: Some(pictures), .. } = &mut self.source {
-            pictures.detail = None;
+        if let EnvironmentSource::Octree { lookups: Some(lookups), .. } = &mut self.source {
+            lookups.detail = None;
         }
     }
 
@@ -135,34 +136,35 @@ impl Environment {
         &self.lights
     }
 
-    /// What each cone sees; cones of one aperture should lie next to each other. At infinity the distance is infinite.
-    pub fn gather(&self, part: Part, cones: &[Cone], samples: &mut Vec<ConeSample>) {
-        self.gather_room(part, cones, samples);
-        if part == Part::Whole {
-            self.add_beside(cones, samples);
+    /// Gathers radiance along cones; cones of one aperture should be adjacent. The distance to a map at infinity is
+    /// infinite.
+    pub fn gather(&self, part: LightPart, cones: &[Cone], samples: &mut Vec<ConeSample>) {
+        self.gather_without_added(part, cones, samples);
+        if part == LightPart::All {
+            self.gather_added(cones, samples);
         }
     }
 
-    fn add_beside(&self, cones: &[Cone], samples: &mut [ConeSample]) {
-        if let Source::Octree { beside: Some(beside), .. } = &self.source {
-            beside.add(cones, samples);
+    fn gather_added(&self, cones: &[Cone], samples: &mut [ConeSample]) {
+        if let EnvironmentSource::Octree { added: Some(added), .. } = &self.source {
+            added.add(cones, samples);
         }
     }
 
-    /// [`Environment::gather`] without the lights beside the octree.
-    fn gather_room(&self, part: Part, cones: &[Cone], samples: &mut Vec<ConeSample>) {
+    /// [`Environment::gather`] without lights outside of the octree.
+    fn gather_without_added(&self, part: LightPart, cones: &[Cone], samples: &mut Vec<ConeSample>) {
         samples.clear();
         match &self.source {
-            Source::Octree { smooth, dimmed, .. } => {
+            EnvironmentSource::Octree { smooth, rest, .. } => {
                 samples.resize(cones.len(), ConeSample::default());
                 let tracer = match part {
-                    Part::Whole => smooth,
-                    Part::Dimmed => dimmed,
+                    LightPart::All => smooth,
+                    LightPart::Rest => rest,
                 };
                 tracer.trace_batch(cones, samples);
             }
-            Source::Map { whole, dimmed } => {
-                let map = if part == Part::Whole { whole } else { dimmed };
+            EnvironmentSource::Map { whole, rest } => {
+                let map = if part == LightPart::All { whole } else { rest };
                 samples.extend(cones.iter().map(|cone| ConeSample {
                     radiance: map.cone(cone.direction, cone.tan_half_angle).to_array(),
                     distance_m: f32::INFINITY,
@@ -172,9 +174,10 @@ impl Environment {
         }
     }
 
-    /// Radiance that real surfaces give off, with highlights restored, over about a leaf; nothing is known of it by a map at infinity.
-    pub fn given_off(&self, surfaces: &[Surface]) -> Vec<Vec3> {
-        let Source::Octree { smooth, leaf_edge_m, .. } = &self.source else {
+    /// Returns the exitant radiance of real surfaces with highlights restored, averaged over about a leaf. It is zero
+    /// for a map at infinity.
+    pub fn exitant_radiance(&self, surfaces: &[Surface]) -> Vec<Vec3> {
+        let EnvironmentSource::Octree { smooth, leaf_edge_m, .. } = &self.source else {
             return vec![Vec3::ZERO; surfaces.len()];
         };
         let down = |surface: &Surface| Cone {
@@ -185,33 +188,37 @@ impl Environment {
         let cones: Vec<Cone> = surfaces.iter().map(down).collect();
         let mut samples = vec![ConeSample::default(); cones.len()];
         smooth.trace_batch(&cones, &mut samples);
-        // What lies further off is another surface.
+        // A greater distance means another surface.
         let near = |sample: &ConeSample| sample.distance_m < self.lift_m + 1.5 * leaf_edge_m;
         samples.iter().map(|sample| if near(sample) { Vec3::from(sample.radiance) } else { Vec3::ZERO }).collect()
     }
 
-    /// Radiance along the cones of a reflection with all lights ([`Environment::gather`]). Where the photo shows the surface
-    /// that is met, the photo's radiance is used; where nothing was seen, the photo's detail is added. Cones begin at
-    /// [lifted](Environment::lifted) places, and are lowered to the `apexes` that they were lifted from where the photo is looked up: it knows surfaces
-    /// finer than the octree's leaves. Distances are from where the cones begin then.
+    /// Gathers radiance along the cones of a reflection with all lights ([`Environment::gather`]).
+    ///
+    /// Where the photo observes the surface that a cone meets, the photo's radiance is used; in unobserved regions,
+    /// the photo's detail is added.
+    ///
+    /// Cones begin at [lifted](Environment::lifted) points. For the lookup they are moved to the `apexes` that they
+    /// were lifted from, because the photo resolves finer surfaces than the octree's leaves. Distances are then from
+    /// there.
     pub fn gather_reflected(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
-        self.gather_room(Part::Whole, cones, samples);
-        if let Source::Octree { pictures: Some(pictures), .. } = &self.source {
-            if let Some(detail) = &pictures.detail {
+        self.gather_without_added(LightPart::All, cones, samples);
+        if let EnvironmentSource::Octree { lookups: Some(lookups), .. } = &self.source {
+            if let Some(detail) = &lookups.detail {
                 detail.add(cones, samples);
             }
-            if let Some(panorama) = &pictures.panorama {
+            if let Some(panorama) = &lookups.panorama {
                 panorama.sharpen(cones, samples);
             }
-            pictures.photo.sharpen_from(apexes, cones, samples);
+            lookups.photo.sharpen_from(apexes, cones, samples);
         }
-        self.add_beside(cones, samples);
+        self.gather_added(cones, samples);
     }
 
-    /// Share of each ray's way that real surfaces leave free.
+    /// Returns the share of each ray that real surfaces do not occlude.
     pub fn unoccluded_share(&self, rays: &[LightRay], shares: &mut Vec<f32>) {
         shares.clear();
-        let Source::Octree { whole, beside, leaf_edge_m, .. } = &self.source else {
+        let EnvironmentSource::Octree { whole, added, leaf_edge_m, .. } = &self.source else {
             shares.resize(rays.len(), 1.0);
             return;
         };
@@ -223,18 +230,19 @@ impl Environment {
         let free =
             |(ray, sample): (&LightRay, &ConeSample)| lo_lights::unoccluded_share(ray.distance_m, sample, *leaf_edge_m);
         shares.extend(rays.iter().zip(&samples).map(free));
-        // Suns are beyond the room, and other things hide them.
+        // Suns are outside of the room and have their own occluders.
         let to_sun = |ray: &LightRay| ray.distance_m.is_infinite();
-        if let Some(beside) = beside.as_ref().filter(|_| rays.iter().any(to_sun)) {
+        if let Some(added) = added.as_ref().filter(|_| rays.iter().any(to_sun)) {
             let sunny: Vec<usize> = (0..rays.len()).filter(|&i| to_sun(&rays[i])).collect();
             let cones: Vec<Cone> = sunny.iter().map(|&i| cones[i]).collect();
             let mut free = Vec::new();
-            beside.unoccluded_to_suns(&cones, sunny.iter().map(|&i| rays[i].place), &mut free);
+            added.unoccluded_to_suns(&cones, sunny.iter().map(|&i| rays[i].place), &mut free);
             sunny.iter().zip(free).for_each(|(&i, free)| shares[i] = free);
         }
     }
 
-    /// Where to gather light for a point of an object that rests on `support`: high enough above the leaves of that surface.
+    /// Returns the point from which to gather light for a point of an object on `support`: high enough above that
+    /// surface's leaves.
     pub fn lifted(&self, point: Vec3, support: Option<Plane>) -> Vec3 {
         let Some(plane) = support else { return point };
         let height_m = plane.signed_distance_m(point);

@@ -1,4 +1,4 @@
-//! Light that arrives at points of the objects: cones over the hemisphere and light samples, shadowed by the objects themselves.
+//! Light that arrives at points of the objects: cones over the hemisphere and light samples, shadowed by the objects.
 
 use std::f32::consts::PI;
 
@@ -8,7 +8,7 @@ use lo_geometry::{Ray, Vec3};
 use lo_lights::luminance;
 use rayon::prelude::*;
 
-use crate::light::environment::{Environment, LightRay, Part};
+use crate::light::environment::{Environment, LightPart, LightRay};
 use crate::light::radiosity::Radiosity;
 use crate::light::samples::{Incidence, LightSample};
 use crate::objects::object::Object;
@@ -18,25 +18,25 @@ use crate::shadow::ratio::ShadowRatio;
 /// Distance from a surface at which rays against the object start, as a share of the object's radius.
 const RAY_START: f32 = 2e-4;
 
-/// Real surfaces farther from an object than this multiple of its radius are not in its shadow.
+/// Reach of an object's shadow on real surfaces, as a multiple of its radius.
 const SHADOW_REACH: f32 = 8.0;
 
-/// Receivers that one task serves; the result does not depend on it.
+/// Receivers per task; the result does not depend on it.
 pub(crate) const RECEIVERS_PER_TASK: usize = 32;
 
-/// A point of an object that light falls on.
+/// A point of an object that receives light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Receiver {
-    /// Which object.
+    /// Index of the object.
     pub object: usize,
     pub position: Vec3,
     /// Shading normal, unit length.
     pub normal: Vec3,
-    /// Normal of the triangle, unit length, on the same side.
+    /// Unit normal of the triangle, on the same side.
     pub geometric_normal: Vec3,
-    /// Whether it reflects diffusely; where not, no cones are spent on it.
+    /// Whether it reflects diffusely; otherwise no cones are traced.
     pub diffuse: bool,
-    /// For highlights of the light samples: direction to the viewer and BSDF.
+    /// Direction to the viewer and BSDF, for highlights of the light samples.
     pub gloss: Option<(Vec3, MetallicRoughness)>,
 }
 
@@ -45,12 +45,12 @@ pub(crate) struct Receiver {
 pub(crate) struct Gathered {
     /// Linear RGB irradiance.
     pub irradiance: Vec3,
-    /// Radiance towards the viewer from light samples by the specular layer.
+    /// Radiance towards the viewer that the specular layer reflects from the light samples.
     pub highlights: Vec3,
     /// Luminance of the cones' light over the hemisphere, and its first moment.
     fluence: f32,
     flux: Vec3,
-    /// The same for a uniform environment of luminance 1.
+    /// The values for a uniform environment of luminance 1.
     uniform_fluence: f32,
     uniform_flux: Vec3,
     /// Luminance of the light samples' irradiance, and its first moment.
@@ -59,8 +59,8 @@ pub(crate) struct Gathered {
 }
 
 impl Gathered {
-    /// Irradiance for another normal near by, relative to that of `from` (first-order spherical harmonics). Nothing is known of
-    /// the light below the first normal's horizon; it counts as the mean of that above.
+    /// Returns the irradiance for a nearby normal `to`, relative to that of `from` (first-order spherical harmonics).
+    /// Light below the first normal's horizon is unknown and counts as the mean of that above.
     pub fn irradiance_for(&self, from: Vec3, to: Vec3) -> Vec3 {
         let mean = self.fluence / self.uniform_fluence.max(1e-6);
         let flux = self.flux - self.uniform_flux * mean + self.light_flux;
@@ -70,17 +70,17 @@ impl Gathered {
     }
 }
 
-/// All that light depends on within one frame.
+/// Inputs of light gathering within one frame.
 pub(crate) struct Gatherer<'a> {
     pub environment: &'a Environment,
     pub objects: &'a Objects<'a>,
-    /// Light that each object gives off itself, once it is known.
+    /// Light that each object emits and reflects, if already computed.
     pub radiosity: Option<&'a [Radiosity]>,
-    /// The objects' shadow on real surfaces, once it is known.
+    /// The objects' shadow on real surfaces, if already computed.
     pub shadow: Option<&'a ShadowRatio<'a>>,
     /// Directions over the whole sphere.
     pub directions: &'a [Vec3],
-    /// Of the cones along them.
+    /// Half-angle tangent of the cones along them.
     pub tan_half_angle: f32,
     /// Light samples for all receivers.
     pub lights: &'a [ObjectLight],
@@ -90,12 +90,14 @@ pub(crate) struct Gatherer<'a> {
 #[derive(Clone, Debug)]
 pub(crate) struct ObjectLight {
     sample: LightSample,
-    /// For each object the share of it that real surfaces leave free, where that is the same for the whole object.
+    /// Per object, the share of the sample that real surfaces do not occlude, if it is the same for the whole object.
     free: Vec<Option<f32>>,
 }
 
-/// `count` light samples for the objects. With `shared`, a light that every corner and the middle of an object's box see in
-/// full, or not at all, is taken as seen, or not seen, by all of that object.
+/// Returns `count` light samples for the objects.
+///
+/// With `shared`, a light that is visible from the centre and all corners of an object's box, or from none of them,
+/// has that visibility for the whole object.
 pub(crate) fn object_lights(
     environment: &Environment,
     objects: &Objects,
@@ -135,17 +137,18 @@ pub(crate) fn object_lights(
 }
 
 impl Gatherer<'_> {
-    /// Start of rays against the objects from a point on one of them.
+    /// Returns the start of rays against the objects from a point on one of them.
     pub fn ray_start(&self, object: usize, position: Vec3, geometric_normal: Vec3) -> Vec3 {
         position + geometric_normal * (RAY_START * self.objects[object].radius_m)
     }
 
-    /// Where to gather light for a point of an object: see [`Environment::lifted`].
+    /// Returns the point from which to gather light for a point of an object: see [`Environment::lifted`].
     pub fn lifted(&self, object: usize, position: Vec3) -> Vec3 {
         self.environment.lifted(position, self.objects[object].support)
     }
 
-    /// Radiance of an environment sample at an object, darkened where it shows a real surface in the objects' shadow.
+    /// Returns the radiance of an environment sample at an object, darkened where it shows a real surface in the
+    /// objects' shadow.
     pub fn shadowed(&self, object: usize, cone: &Cone, sample: &lo_cone::ConeSample) -> Vec3 {
         let radiance = Vec3::from(sample.radiance);
         let Some(shadow) = self.shadow else { return radiance };
@@ -153,7 +156,7 @@ impl Gatherer<'_> {
         let distance_m = if sample.distance_m.is_finite() {
             sample.distance_m
         } else {
-            // A map at infinity knows no surfaces; the one under the object is known all the same.
+            // A map at infinity has no surfaces, but the one under the object is known.
             let ray = Ray { origin: cone.origin, direction: cone.direction };
             match own.support.and_then(|plane| plane.intersect(&ray)) {
                 Some(distance_m) => distance_m,
@@ -167,7 +170,8 @@ impl Gatherer<'_> {
         if in_reach { radiance * shadow.at(point) } else { radiance }
     }
 
-    /// Light at each receiver; the directions are fixed in the world, so neighbours and frames share them.
+    /// Gathers the light at each receiver. The directions are fixed in the world, so neighbours and frames share
+    /// them.
     pub fn gather(&self, receivers: &[Receiver]) -> Vec<Gathered> {
         let mut gathered = vec![Gathered::default(); receivers.len()];
         self.gather_cones(receivers, &mut gathered);
@@ -187,21 +191,21 @@ impl Gatherer<'_> {
         let scales: Vec<f32> = receivers.iter().map(|r| if r.diffuse { PI / total(r) } else { 0.0 }).collect();
         let apex = |r: &Receiver| self.lifted(r.object, r.position);
         let apexes: Vec<Vec3> = receivers.iter().map(apex).collect();
-        // One direction after the other: rays and cones of neighbours go the same way.
+        // Direction by direction: rays and cones of neighbouring receivers are coherent.
         for &direction in self.directions {
             for (index, (receiver, gathered)) in receivers.iter().zip(gathered.iter_mut()).enumerate() {
                 let cosine = receiver.normal.dot(direction);
                 if cosine <= 0.0 || !receiver.diffuse {
                     continue;
                 }
-                // Below the triangle's own plane there is nothing to meet: the smooth surface is meant to bulge.
+                // Directions below the triangle's plane are not shadowed: the smooth surface is meant to bulge.
                 let above = receiver.geometric_normal.dot(direction) > 0.0;
                 let ray = Ray { origin: receiver.ray_start(self), direction };
                 let met = if above { self.objects.closest(&ray, f32::INFINITY) } else { None };
                 match met {
                     Some(ObjectHit { object, hit }) => {
-                        let given_off = |r: &[Radiosity]| r[object].radiance(&self.objects[object], &ray, &hit);
-                        let radiance = self.radiosity.map_or(Vec3::ZERO, given_off);
+                        let exitant_radiance = |r: &[Radiosity]| r[object].radiance(&self.objects[object], &ray, &hit);
+                        let radiance = self.radiosity.map_or(Vec3::ZERO, exitant_radiance);
                         gathered.add(radiance, direction, cosine, scales[index]);
                     }
                     None => {
@@ -211,7 +215,7 @@ impl Gatherer<'_> {
                 }
             }
         }
-        self.environment.gather(Part::Dimmed, &cones, &mut samples);
+        self.environment.gather(LightPart::Rest, &cones, &mut samples);
         for ((cone, sample), (index, weight, solid_angle)) in cones.iter().zip(&samples).zip(owners) {
             let radiance = self.shadowed(receivers[index].object, cone, sample);
             gathered[index].add(radiance, cone.direction, weight, solid_angle);
@@ -263,7 +267,7 @@ impl Gatherer<'_> {
 }
 
 impl Receiver {
-    /// A stand-in for a point that needs no light.
+    /// Creates a placeholder for a point that needs no light.
     pub fn dark() -> Self {
         let nowhere = Vec3::ZERO;
         Self { object: 0, position: nowhere, normal: nowhere, geometric_normal: nowhere, diffuse: false, gloss: None }
@@ -285,7 +289,7 @@ impl Gathered {
         }
     }
 
-    /// Adds what comes from `direction`, at an angle of the given cosine from the normal, for a solid angle.
+    /// Adds the radiance of a solid angle in `direction`, whose angle with the normal has the given cosine.
     fn add(&mut self, radiance: Vec3, direction: Vec3, cosine: f32, solid_angle: f32) {
         self.irradiance += radiance * (cosine * solid_angle);
         let bright = luminance(radiance) * solid_angle;

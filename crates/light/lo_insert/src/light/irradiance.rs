@@ -1,4 +1,4 @@
-//! Irradiance of real surfaces without the object. It does not depend on the object and is kept once it is known.
+//! Irradiance of real surfaces without the objects. It does not depend on the objects and is cached.
 
 use std::f32::consts::PI;
 use std::ops::{Add, Mul};
@@ -12,35 +12,36 @@ use rayon::prelude::*;
 
 use crate::batches::Batches;
 use crate::light::aperture::cone_tangent;
-use crate::light::environment::{Environment, LightRay, Part};
+use crate::light::environment::{Environment, LightPart, LightRay};
 use crate::light::samples::Incidence;
+use crate::surface::observed_surfaces::Surface;
 use crate::surface::receivers::{PATTERNS, Receivers, pattern_at};
-use crate::surface::seen_surfaces::Surface;
 
-/// Longer side of the grid on which irradiance is gathered; the octree holds nothing finer than a few of its pixels.
+/// Longer side of the grid on which irradiance is gathered; the octree resolves nothing finer than a few of its
+/// pixels.
 const SIDE: usize = 160;
 
-/// Share of a full neighbourhood below which the grid tells too little about a pixel's surface.
+/// Smallest share of a full neighbourhood for which the grid is used.
 const MIN_SHARE: f32 = 0.2;
 
-/// Solid angle of a cone as a share of its share of the sphere. Full ones meet the surface that they start from, and the other
-/// patterns fill the gaps.
+/// Solid angle of a cone as a share of its share of the sphere. Full cones would meet the surface that they start
+/// from; the other patterns fill the gaps.
 const APERTURE: f32 = 0.25;
 
 const GOLDEN_ANGLE_RAD: f32 = 2.399_963_2;
 
-/// Linear RGB irradiance of a real surface, in W/m² in the photo's radiance units.
+/// Linear RGB irradiance of a real surface, in the photo's radiance units × sr.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Lit {
-    /// From the room without its lights.
+pub(crate) struct SurfaceIrradiance {
+    /// Irradiance from the room without its lights.
     pub ambient: Vec3,
-    /// From the light samples.
+    /// Irradiance from the light samples.
     pub lights: Vec3,
-    /// The least that the surface can receive, whatever the room's octree misses: it gives off no more than it receives, π L.
+    /// Lower bound, even if the octree lacks light: a surface emits no more than it receives, π L.
     pub least: Vec3,
 }
 
-impl Add for Lit {
+impl Add for SurfaceIrradiance {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
@@ -50,7 +51,7 @@ impl Add for Lit {
     }
 }
 
-impl Mul<f32> for Lit {
+impl Mul<f32> for SurfaceIrradiance {
     type Output = Self;
 
     fn mul(self, factor: f32) -> Self {
@@ -58,22 +59,22 @@ impl Mul<f32> for Lit {
     }
 }
 
-/// Irradiance of all [`Receivers`], as far as it was needed.
+/// Irradiance of all [`Receivers`], computed on demand.
 pub(crate) struct RoomIrradiance {
     /// Directions over the sphere, one set per pattern.
     directions: Vec<Vec<Vec3>>,
     cones: usize,
     lights: usize,
-    /// Pixels from one place of the grid to the next.
+    /// Pixels from one grid point to the next.
     stride: usize,
-    /// By one pattern.
-    single: Vec<OnceLock<Box<Lit>>>,
+    /// Irradiance by one pattern.
+    single: Vec<OnceLock<Box<SurfaceIrradiance>>>,
     /// Mean over the neighbourhood, by all patterns.
-    mean: Vec<OnceLock<Box<Lit>>>,
+    mean: Vec<OnceLock<Box<SurfaceIrradiance>>>,
 }
 
 impl RoomIrradiance {
-    /// With `cones` over the sphere and `lights` light samples at each place.
+    /// Creates an empty cache for `cones` over the sphere and `lights` light samples at each grid point.
     pub fn new(receivers: &Receivers, cones: usize, lights: usize) -> Self {
         let empty = || (0..receivers.width() * receivers.height()).map(|_| OnceLock::new()).collect();
         Self {
@@ -86,10 +87,10 @@ impl RoomIrradiance {
         }
     }
 
-    /// Fills in what is wanted and not known yet.
+    /// Computes missing values of the `wanted` pixels.
     ///
     /// # Errors
-    /// [`Cancelled`]: what was completed until then is kept.
+    /// [`Cancelled`]; values computed until then are kept.
     pub fn complete(
         &self,
         receivers: &Receivers,
@@ -115,14 +116,14 @@ impl RoomIrradiance {
                 .filter_map(|x| Some((x, receivers.surfaces[(x, y)]?)))
                 .collect();
             for ((x, _), value) in pixels.iter().zip(self.gather(environment, y, &pixels)) {
-                // A value that another frame has set meanwhile is the same.
+                // Another frame may have set it meanwhile, to the same value.
                 let _ = self.single[y * width + x].set(Box::new(value));
             }
         };
         batches
             .each(receivers.height(), width * self.cones, 1, |rows| rows.into_par_iter().map(complete_row).collect())?;
         missing.par_iter().for_each(|&(x, y)| {
-            let mut sum = (Lit::default(), 0.0);
+            let mut sum = (SurfaceIrradiance::default(), 0.0);
             for (px, py, weight) in receivers.neighbours(x, y, self.grid_for(receivers, x, y)) {
                 if let Some(lit) = self.single[py * width + px].get() {
                     sum.0 = sum.0 + **lit * weight;
@@ -134,20 +135,20 @@ impl RoomIrradiance {
         Ok(())
     }
 
-    /// What was completed for a pixel.
-    pub fn at(&self, index: usize) -> Option<Lit> {
+    /// Returns a computed value.
+    pub fn at(&self, index: usize) -> Option<SurfaceIrradiance> {
         self.mean[index].get().map(|lit| **lit)
     }
 
-    /// Pixels from one place to the next around a pixel: on slim surfaces every pixel is one.
+    /// Returns the distance of grid points around a pixel; 1 on narrow surfaces.
     fn grid_for(&self, receivers: &Receivers, x: usize, y: usize) -> usize {
         let share: f32 = receivers.neighbours(x, y, self.stride).map(|(.., weight)| weight).sum();
         if share < MIN_SHARE { 1 } else { self.stride }
     }
 
-    /// Irradiance of pixels of row `y`.
-    fn gather(&self, environment: &Environment, y: usize, pixels: &[(usize, Surface)]) -> Vec<Lit> {
-        let mut lit = vec![Lit::default(); pixels.len()];
+    /// Gathers the irradiance of pixels of row `y`.
+    fn gather(&self, environment: &Environment, y: usize, pixels: &[(usize, Surface)]) -> Vec<SurfaceIrradiance> {
+        let mut lit = vec![SurfaceIrradiance::default(); pixels.len()];
         let tan_half_angle = cone_tangent(APERTURE * 4.0 * PI / self.cones as f32);
         let (mut cones, mut cone_owners, mut samples) = (Vec::new(), Vec::new(), Vec::new());
         let (mut rays, mut ray_owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
@@ -172,7 +173,7 @@ impl RoomIrradiance {
                 }
             }
         }
-        environment.gather(Part::Dimmed, &cones, &mut samples);
+        environment.gather(LightPart::Rest, &cones, &mut samples);
         for ((i, weight), sample) in cone_owners.into_iter().zip(&samples) {
             lit[i].ambient += Vec3::from(sample.radiance) * weight;
         }
@@ -181,14 +182,14 @@ impl RoomIrradiance {
             lit[i].lights += light * *share;
         }
         let surfaces: Vec<Surface> = pixels.iter().map(|(_, surface)| *surface).collect();
-        for (lit, radiance) in lit.iter_mut().zip(environment.given_off(&surfaces)) {
+        for (lit, radiance) in lit.iter_mut().zip(environment.exitant_radiance(&surfaces)) {
             lit.least = radiance * PI;
         }
         lit
     }
 }
 
-/// Pattern `pattern` of `count` directions over the sphere.
+/// Returns pattern `pattern` of `count` directions over the sphere.
 fn sphere_pattern(count: usize, pattern: usize) -> Vec<Vec3> {
     (0..count)
         .map(|i| {
@@ -197,7 +198,7 @@ fn sphere_pattern(count: usize, pattern: usize) -> Vec<Vec3> {
         .collect()
 }
 
-/// The direction at height `z` whose longitude is that of point `i` of a pattern.
+/// Returns the direction at height `z` whose longitude is that of point `i` of a pattern.
 fn on_circle(z: f32, i: usize, pattern: usize) -> Vec3 {
     let turn = (pattern as u32).reverse_bits() as f32 / 4_294_967_296.0;
     let (sin, cos) = (i as f32 * GOLDEN_ANGLE_RAD + turn * std::f32::consts::TAU).sin_cos();

@@ -1,11 +1,11 @@
 use lo_imaging::RadianceImage;
 
-/// What lights the object.
+/// Source of the light on inserted objects.
 #[derive(Clone, Debug, Default)]
 pub enum Lighting {
     /// The scene's lighting octree.
     #[default]
     Octree,
-    /// An equirectangular map at infinity, in our orientation and the photo's radiance units.
+    /// An equirectangular map at infinity, in this project's orientation and the photo's radiance units.
     EnvironmentMap(RadianceImage),
 }

@@ -1,4 +1,4 @@
-//! Light that leaves the object: for its bounce on real surfaces, for light between its own parts and for its own reflection.
+//! Radiosity: diffuse light that leaves the objects, for its bounce on real surfaces and between objects.
 
 use lo_bsdf::{MetallicRoughness, specular_albedo, specular_transmittance};
 use lo_geometry::{Ray, Vec3};
@@ -9,16 +9,16 @@ use crate::objects::object::Object;
 /// Cells along the longest edge of the object's box.
 const CELLS: f32 = 8.0;
 
-/// Irradiance and exitant radiance of the object's surface on a coarse grid, for six directions of the normal.
+/// Irradiance and exitant radiance of an object's surface on a coarse grid, for six directions of the normal.
 ///
-/// Points spread evenly over the surface are lit and spread into the grid; a look-up divides by the spread weights, so cells
-/// without points take what their neighbours have.
+/// Lit points, spread evenly over the surface, are splatted into the grid. A lookup divides by the splatted weights,
+/// so that cells without points take the values of their neighbours.
 pub(crate) struct Radiosity {
     low: Vec3,
     per_metre: f32,
     size: [usize; 3],
     cells: Vec<[Share; 6]>,
-    /// All points together, for normals and places where there is none.
+    /// Sum over all points, for normals and positions without any.
     all: [Share; 6],
 }
 
@@ -29,8 +29,8 @@ struct Share {
     weight: f32,
 }
 
-/// Albedo with the specular layer taken as diffuse, and emission.
-pub(crate) fn diffuse_look(point: &SurfacePoint) -> (Vec3, Vec3) {
+/// Returns the albedo, with the specular layer taken as diffuse, and the emission.
+pub(crate) fn diffuse_albedo_and_emission(point: &SurfacePoint) -> (Vec3, Vec3) {
     if point.unlit {
         return (Vec3::ZERO, Vec3::from(point.base_color));
     }
@@ -42,7 +42,7 @@ pub(crate) fn diffuse_look(point: &SurfacePoint) -> (Vec3, Vec3) {
 }
 
 impl Radiosity {
-    /// Of an object that gives off nothing yet.
+    /// Creates the radiosity of an object that emits and reflects nothing yet.
     pub fn dark(object: &Object) -> Self {
         let (low, size_m) = (object.low_m, object.high_m - object.low_m);
         let per_metre = CELLS / size_m.max_element();
@@ -50,7 +50,7 @@ impl Radiosity {
         Self { low, per_metre, size, cells: vec![Default::default(); size.iter().product()], all: Default::default() }
     }
 
-    /// Spreads what a point of the surface receives and gives off into the grid.
+    /// Splats the irradiance and exitance of a surface point into the grid.
     pub fn add(&mut self, object: &Object, position: Vec3, normal: Vec3, irradiance: Vec3, exitance: Vec3) {
         let share = Share { irradiance, exitance, weight: 1.0 };
         let sides = sides(object.to_local(normal));
@@ -64,22 +64,22 @@ impl Radiosity {
         }
     }
 
-    /// Radiance that leaves the object where a ray meets it, as if it were diffuse.
+    /// Returns the radiance that leaves the object where a ray meets it, as if it were diffuse.
     pub fn radiance(&self, object: &Object, ray: &Ray, hit: &Hit) -> Vec3 {
         let normal = object.local_triangle_normal(hit.triangle);
         let normal = if normal.dot(object.to_local(ray.direction)) > 0.0 { -normal } else { normal };
         self.look_up(object.to_local_point(ray.at(hit.distance_m)), normal).exitance
     }
 
-    /// The same with the material at the point that is met.
+    /// Returns the radiance that leaves a surface point with its material, as if it were diffuse.
     pub fn radiance_of(&self, object: &Object, point: &SurfacePoint) -> Vec3 {
         let irradiance =
             self.look_up(object.to_local_point(point.position), object.to_local(point.shading_normal)).irradiance;
-        let (albedo, emissive) = diffuse_look(point);
+        let (albedo, emissive) = diffuse_albedo_and_emission(point);
         albedo * irradiance / std::f32::consts::PI + emissive
     }
 
-    /// In the object's own axes.
+    /// Interpolates the grid, in the object's own axes.
     fn look_up(&self, position: Vec3, normal: Vec3) -> Share {
         let sides = sides(normal);
         let mut sum = Share::default();
@@ -131,7 +131,7 @@ impl Share {
     }
 }
 
-/// The three sides of a cube that a unit normal faces, weighted by the squares of its components (ambient cube).
+/// Returns the three sides of a cube that a unit normal faces, weighted by its squared components (ambient cube).
 fn sides(normal: Vec3) -> [(usize, f32); 3] {
     std::array::from_fn(|axis| (2 * axis + usize::from(normal[axis] < 0.0), normal[axis] * normal[axis]))
 }

@@ -1,8 +1,8 @@
-//! Main lights: what is much brighter than the rest, as a fixed list of samples.
+//! Main lights, much brighter than the rest, as a fixed list of samples.
 //!
-//! Radiance is split at a cap, a few times the mean ([`lo_lights::split_octree`]): what lies above it is carried by the light samples and cast
-//! with shadow rays, what lies below stays in the environment and is gathered by cones. The two add up to the whole, so nothing counts
-//! twice and nothing is lost.
+//! Radiance is split at a cap, a few times the mean ([`lo_lights::split_octree`]). The part above it is represented
+//! by light samples with shadow rays; the part below stays in the environment and is gathered by cones. Both add up
+//! to the whole, so nothing is counted twice or lost.
 
 use std::f32::consts::{PI, TAU};
 
@@ -27,7 +27,7 @@ enum SampleOrigin {
         position: Vec3,
         normal: Vec3,
     },
-    /// Shines to all sides.
+    /// Emits in all directions.
     Ball(Vec3),
     Direction(Vec3),
 }
@@ -37,17 +37,17 @@ enum SampleOrigin {
 pub(crate) struct Incidence {
     /// Unit direction towards the light.
     pub direction: Vec3,
-    /// Infinite for lights at infinity.
+    /// Distance; infinite for lights at infinity.
     pub distance_m: f32,
     /// Radiance × solid angle.
     pub irradiance: Vec3,
 }
 
-/// Where the rays of a light sample start.
+/// Origin of a light sample's rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Origin {
     Point(Vec3),
-    /// Unit direction towards it.
+    /// Unit direction towards the light.
     Infinity(Vec3),
 }
 
@@ -59,7 +59,7 @@ impl LightSample {
         }
     }
 
-    /// How the sample shines on `point`; `None` where it faces away.
+    /// Returns the incident light at `point`; `None` if the sample faces away.
     pub fn on(&self, point: Vec3) -> Option<Incidence> {
         match self.place {
             SampleOrigin::Direction(direction) => {
@@ -69,7 +69,7 @@ impl LightSample {
                 let offset = position - point;
                 let squared = offset.length_squared();
                 let distance_m = squared.sqrt();
-                // A sphere is seen as a disc of a quarter of its area.
+                // A sphere appears as a disc of a quarter of its area.
                 let seen = 0.25 / (squared + 0.25 * self.extent / PI);
                 Some(Incidence { direction: offset / distance_m.max(1e-6), distance_m, irradiance: self.power * seen })
             }
@@ -90,14 +90,14 @@ impl LightSample {
     }
 }
 
-/// All light samples; every equally spaced subset is a stratified sampling of its own.
+/// All light samples. Every equally spaced subset is a stratified sampling.
 #[derive(Debug, Default)]
 pub(crate) struct Lights {
     samples: Vec<LightSample>,
 }
 
 impl Lights {
-    /// `count` samples of equal power, stratified along the order of the patches.
+    /// Draws `count` samples of equal power, stratified along the order of the patches.
     pub fn sample(patches: &[LightPatch], count: usize) -> Self {
         let power = |e: &LightPatch| f64::from(luminance(e.radiance) * e.extent);
         let total: f64 = patches.iter().map(power).sum();
@@ -115,7 +115,8 @@ impl Lights {
             let patch = patches[index];
             let share = (total / count as f64) as f32 / luminance(patch.radiance);
             let jitter = hammersley(i, count) - 0.5;
-            // The second coordinate of the set runs along with i; turned by the golden ratio it fills the square.
+            // The second coordinate of the set increases with i; multiples of the golden ratio make it fill the
+            // square.
             let jitter = [jitter.x, (i as f32 * 0.618_034).fract() - 0.5];
             let place = match patch.shape {
                 PatchShape::Square { centre, normal, edge_m } => {
@@ -128,7 +129,7 @@ impl Lights {
                     SampleOrigin::Point { position: centre + edges_m[0] * (u - 0.5) + edges_m[1] * (v - 0.5), normal }
                 }
                 PatchShape::Sphere { centre, radius_m } => {
-                    // From every side points of the density 1/√(R² − r²) lie evenly on the disc that the sphere is seen as.
+                    // Points of density 1/√(R² − r²) are uniform on the sphere's visible disc from every side.
                     let [u, v, w] = spread(i);
                     let (z, turn) = (2.0 * u - 1.0, TAU * v);
                     let across = (1.0 - z * z).max(0.0).sqrt();
@@ -150,8 +151,9 @@ impl Lights {
         Self { samples }
     }
 
-    /// `count` samples spread over the list, of the `pattern`-th of `patterns` disjoint such subsets, which stand for all: each with the light and the
-    /// extent of those that are left out. So one that is very near shines no more than that extent could.
+    /// Returns `count` samples spread over the list: the `pattern`-th of `patterns` disjoint subsets. Each has the
+    /// power and the extent of the samples that it replaces, so that a very near sample is no brighter than that
+    /// extent could be.
     pub fn subset(&self, count: usize, pattern: usize, patterns: usize) -> impl Iterator<Item = LightSample> {
         let wanted = (count * patterns).clamp(1, self.samples.len().max(1));
         let stride = self.samples.len() / wanted;
@@ -166,14 +168,16 @@ impl Lights {
     }
 }
 
-/// The `i`-th point of a sequence that fills the unit cube, and of which equally spaced ones do, too: for patches that are large by themselves.
+/// Returns point `i` of a sequence that fills the unit cube, as do its equally spaced subsequences; for lights that
+/// are large by themselves.
 /// R3 (Roberts 2018): multiples of the powers of 1/g with g⁴ = g + 1.
 fn spread(i: usize) -> [f32; 3] {
     [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_3]
         .map(|step: f64| (i as f64 * step).fract() as f32)
 }
 
-/// sin θ with θ − sin θ cos θ = π/2 · `share`: the radius, of 1, within which this share of the density r²/√(1 − r²) lies.
+/// Returns sin θ with θ − sin θ cos θ = π/2 · `share`: the radius, of 1, that contains this share of the density
+/// r²/√(1 − r²).
 fn disc_radius(share: f32) -> f32 {
     let (mut low, mut high) = (0.0f32, PI / 2.0);
     for _ in 0..20 {
@@ -187,7 +191,7 @@ fn disc_radius(share: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// However few samples stand for a light, none is brighter from near than the light all around.
+    /// However few samples represent a light, none is brighter from near than light from all directions.
     #[test]
     fn samples_that_stand_for_others_are_no_brighter_than_the_light_from_near() {
         let square = LightPatch {
@@ -205,7 +209,7 @@ mod tests {
         }
     }
 
-    /// Every subset of the samples of a large light has its middle, its size and its light.
+    /// Every subset of a large light's samples has its centre, size and power.
     #[test]
     fn subsets_of_large_lights_are_spread_over_them() {
         let sphere = LightPatch {

@@ -1,51 +1,52 @@
-//! Soft edges where real surfaces hide the object.
+//! Soft edges where real surfaces hide an object.
 //!
-//! A depth map tells which surfaces stand before the object, but not to a pixel where they end: it is coarser than the photo, smeared
-//! over some of its pixels, shifted, or has holes there. So along its edges the photo decides. In a band around the steps of depth at
-//! which what hides the object ends, the share of each pixel that is hidden minimises
-//! `Σ λᵢ (αᵢ − qᵢ)² + Σ wᵢⱼ (αᵢ − αⱼ)²`: random walks with priors (Grady 2005), which like to end at the photo's edges
-//! (weights as of Rother et al. 2004), towards what depth and the colours of both sides say. Everywhere else depth decides alone.
+//! Depth shows which surfaces are in front of the object, but not exactly where they end: it is coarser than the
+//! photo, smeared, shifted, or has holes at edges. Along these edges the photo decides. In a band around the depth
+//! steps at which occluders end, the hidden share of each pixel minimises `Σ λᵢ (αᵢ − qᵢ)² + Σ wᵢⱼ (αᵢ − αⱼ)²`:
+//! random walks with priors (Grady 2005), which tend to end at the photo's edges (weights as in Rother et al. 2004).
+//! The priors q come from depth and from the colours of both sides. Elsewhere depth alone decides.
 
 use lo_geometry::{Camera, Ray, Vec3};
 use rayon::prelude::*;
 
 use crate::matte::colour_sides::ColourSides;
 use crate::matte::nearest::nearest_seeds;
-use crate::matte::walk::{Open, walked};
+use crate::matte::walk::{UnknownPixel, solve_random_walk};
 use crate::objects::object::Object;
 use crate::surface::occluders::Occluders;
 
-/// Half width of the band in depth pixels, and at least, in photo pixels.
+/// Half width of the band in depth pixels, and its minimum in photo pixels.
 const BAND: (f32, f32) = (3.0, 4.0);
 
-/// Holes are part of the band up to this multiple of its half width.
+/// Multiple of the band's half width up to which holes belong to it.
 const HOLE_BAND: f32 = 8.0;
 
-/// Weight of what depth says far from the step; it grows with the square of the distance.
+/// Weight of depth far from the step; it grows with the square of the distance.
 const DEPTH_WEIGHT: f32 = 4.0;
 
-/// Weight of this in holes beside what does not hide the object: what a near surface keeps a sensor from seeing lies behind it.
+/// Weight of depth in holes beside surfaces that do not hide the object: surfaces that a near one shadows from the
+/// sensor are behind it.
 const HOLE_WEIGHT: f32 = 0.05;
 
-/// Weight of what colours say where they are sure.
+/// Weight of colours where they are conclusive.
 const COLOUR_WEIGHT: f32 = 0.1;
 
 /// Weight between neighbours of very different colours; that of equal ones is 1 more.
 const MIN_LINK: f32 = 0.003;
 
-/// Slope with which shares are taken apart about a half, so that edges are as wide as a pixel.
+/// Slope that pushes shares away from one half, so that edges are as wide as a pixel.
 const CONTRAST: f32 = 2.0;
 
-/// Pixels on each side of a soft edge's pixel that tell the colours before and behind it.
+/// Pixels on each side of an edge pixel from which the colours in front of and behind it are taken.
 const AROUND: isize = 3;
 
-/// Surfaces further apart than this share of their depth, and this multiple of its error, are two.
+/// Smallest gap between two surfaces: share of their depth, and multiple of its error.
 const GAP: (f32, f32) = (0.02, 3.0);
 
-/// What depth alone says of a pixel.
+/// Trimap label of a pixel, from depth alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Label {
-    /// Nothing of the object is near, or no step.
+enum TrimapLabel {
+    /// Far from the object or from a step.
     Off,
     /// No reading.
     Hole,
@@ -58,15 +59,15 @@ pub(crate) struct Matte {
     left: usize,
     top: usize,
     width: usize,
-    /// Row by row; NaN where depth alone decides. Empty where it does so everywhere.
+    /// Hidden shares, row by row; NaN where depth alone decides. Empty if it does so everywhere.
     hidden: Vec<f32>,
-    /// Photo pixels of soft edges with the colour of what hides the object there, without what was seen behind it.
-    pub fronts: Vec<((usize, usize), Vec3)>,
+    /// Photo pixels of soft edges with the occluder's colour, separated from the background.
+    pub occluder_colours: Vec<((usize, usize), Vec3)>,
 }
 
 impl Matte {
-    /// For an object that is seen in the photo pixels `window` (left, top, right, bottom, the last two exclusive). `colour`: of a pixel,
-    /// in sRGB's range.
+    /// Computes the matte of an object visible in the photo pixels `window` (left, top, right, bottom, the last two
+    /// exclusive). `colour` returns the colour of a pixel in sRGB's range.
     pub fn new(
         camera: &Camera,
         object: &Object,
@@ -76,28 +77,36 @@ impl Matte {
     ) -> Self {
         let band = (BAND.0 * occluders.depth_pixel).max(BAND.1);
         let view = View::new(camera, band, window);
-        let none = Self { left: view.left, top: view.top, width: view.width, hidden: Vec::new(), fronts: Vec::new() };
+        let none = Self {
+            left: view.left,
+            top: view.top,
+            width: view.width,
+            hidden: Vec::new(),
+            occluder_colours: Vec::new(),
+        };
         let Some(labels) = view.labels(object, occluders) else { return none };
         let Some(band) = Band::new(&view, labels, occluders) else { return none };
         let colours: Vec<Vec3> = (0..view.len())
             .into_par_iter()
-            .map(|i| if band.labels[i].0 == Label::Off { Vec3::ZERO } else { colour(view.photo_pixel(i)) })
+            .map(|i| if band.labels[i].0 == TrimapLabel::Off { Vec3::ZERO } else { colour(view.photo_pixel(i)) })
             .collect();
         let (open, links) = (band.open(&view, &colours), band.links(&view, &colours));
-        let known = band.labels.iter().map(|(label, _)| if *label == Label::Hidden { 1.0 } else { 0.0 }).collect();
-        let share = walked(known, view.width, &open, &links);
+        let known =
+            band.labels.iter().map(|(label, _)| if *label == TrimapLabel::Hidden { 1.0 } else { 0.0 }).collect();
+        let share = solve_random_walk(known, view.width, &open, &links);
         let shares: Vec<f32> = share.iter().map(|share| (0.5 + CONTRAST * (share - 0.5)).clamp(0.0, 1.0)).collect();
-        let front =
-            |open: &Open| Some((view.photo_pixel(open.pixel), band.front(&view, &shares, &colours, open.pixel)?));
-        let fronts = open.par_iter().filter_map(front).collect();
+        let front = |open: &UnknownPixel| {
+            Some((view.photo_pixel(open.pixel), band.front(&view, &shares, &colours, open.pixel)?))
+        };
+        let occluder_colours = open.par_iter().filter_map(front).collect();
         let mut hidden = vec![f32::NAN; view.len()];
-        for Open { pixel, .. } in open {
+        for UnknownPixel { pixel, .. } in open {
             hidden[pixel] = shares[pixel];
         }
-        Self { hidden, fronts, ..none }
+        Self { hidden, occluder_colours, ..none }
     }
 
-    /// Share of a photo pixel that real surfaces hide of the object there; `None` where depth alone tells.
+    /// Returns the share of a photo pixel in which real surfaces hide the object; `None` where depth alone decides.
     pub fn hidden(&self, (x, y): (usize, usize)) -> Option<f32> {
         let (x, y) = (x.checked_sub(self.left)?, y.checked_sub(self.top)?);
         let share = *self.hidden.get(y * self.width + x).filter(|_| x < self.width)?;
@@ -105,7 +114,7 @@ impl Matte {
     }
 }
 
-/// The window, grown by what its edges' colours are learned from. Pixels are counted row by row.
+/// The window, grown by the margin from which colours are learned. Pixels are numbered row by row.
 struct View<'a> {
     camera: &'a Camera,
     left: usize,
@@ -114,7 +123,7 @@ struct View<'a> {
     height: usize,
     /// Half width of the band in pixels.
     band: f32,
-    /// Pixels by which the window was grown.
+    /// Pixels by which the window is grown.
     margin: usize,
 }
 
@@ -131,7 +140,7 @@ impl<'a> View<'a> {
         self.width * self.height
     }
 
-    /// Pitch of the cells in which colours are learned.
+    /// Returns the pitch of the cells in which colours are learned.
     fn cell(&self) -> usize {
         self.margin / 2
     }
@@ -140,7 +149,7 @@ impl<'a> View<'a> {
         (self.left + i % self.width, self.top + i / self.width)
     }
 
-    /// Place of a pixel's centre in the photo, in [0, 1]².
+    /// Returns the relative photo position of a pixel's centre, in [0, 1]².
     fn place(&self, i: usize) -> (f64, f64) {
         let (x, y) = self.photo_pixel(i);
         ((x as f64 + 0.5) / f64::from(self.camera.width), (y as f64 + 0.5) / f64::from(self.camera.height))
@@ -153,8 +162,8 @@ impl<'a> View<'a> {
         beside.into_iter().chain(above).flatten()
     }
 
-    /// What depth says of each pixel near a step, and the depth; `None` where there is no step that matters.
-    fn labels(&self, object: &Object, occluders: &Occluders) -> Option<Vec<(Label, f32)>> {
+    /// Returns the label and depth of each pixel near a step; `None` if there is no relevant step.
+    fn labels(&self, object: &Object, occluders: &Occluders) -> Option<Vec<(TrimapLabel, f32)>> {
         let farthest_m = object.corners().iter().map(|corner| -corner.z).fold(0.0, f32::max);
         let near = self.near_steps(occluders, farthest_m)?;
         let direction = |i: usize| {
@@ -165,40 +174,40 @@ impl<'a> View<'a> {
             let ray = Ray { origin: Vec3::ZERO, direction: direction(i) };
             object.seen(&ray, 0.0).map(|hit| -ray.at(hit.distance_m).z)
         };
-        // Every second pixel of every second row will do.
+        // Every second pixel of every second row is enough.
         let asked = |i: usize| {
             let (x, y) = self.photo_pixel(i);
             near[i] && x % 2 == 0 && y % 2 == 0
         };
         let own_m: Vec<Option<f32>> =
             (0..self.len()).into_par_iter().map(|i| asked(i).then(|| seen_m(i)).flatten()).collect();
-        // The object's depth goes on between them and beyond its outline.
+        // Continue the object's depth between them and beyond its outline.
         let continued = nearest_seeds(self.width, self.height, |i| own_m[i].is_some());
         let label = |i: usize| {
             let seed = continued[i].filter(|(_, distance)| near[i] && *distance <= self.margin as f32);
-            let Some(object_m) = seed.and_then(|(seed, _)| own_m[seed]) else { return (Label::Off, 0.0) };
+            let Some(object_m) = seed.and_then(|(seed, _)| own_m[seed]) else { return (TrimapLabel::Off, 0.0) };
             let (u, v) = self.place(i);
-            let Some(reading_m) = occluders.depth_m(u, v) else { return (Label::Hole, 0.0) };
+            let Some(reading_m) = occluders.depth_m(u, v) else { return (TrimapLabel::Hole, 0.0) };
             let direction = direction(i);
             let hidden = occluders.hides(u, v, direction * (object_m / -direction.z), object.support.as_ref());
-            (if hidden { Label::Hidden } else { Label::Free }, reading_m)
+            (if hidden { TrimapLabel::Hidden } else { TrimapLabel::Free }, reading_m)
         };
         Some((0..self.len()).into_par_iter().map(label).collect())
     }
 
-    /// Which pixels are so near to where a surface ends, nearer than `farthest_m`, that the matte may depend on it.
+    /// Returns which pixels are near enough to an edge of a surface nearer than `farthest_m` to affect the matte.
     fn near_steps(&self, occluders: &Occluders, farthest_m: f32) -> Option<Vec<bool>> {
         let steps = occluders.steps();
         let (columns, rows) = steps.size();
         let scale = [columns as f32 / self.camera.width as f32, rows as f32 / self.camera.height as f32];
-        // The band, and what its colours are learned from.
+        // The band, and the margin from which its colours are learned.
         let reach = if steps.has_holes() { HOLE_BAND + 1.0 } else { 3.0 };
         let reach = scale.map(|scale| (reach * self.band * scale).ceil() as usize + 1);
         let depth_pixel = |x: usize, y: usize| {
             let at = |at: usize, scale: f32, count: usize| (((at as f32 + 0.5) * scale) as usize).min(count - 1);
             (at(x, scale[0], columns), at(y, scale[1], rows))
         };
-        // Of the depth map, what the window can reach: set, then grown along rows, then along columns.
+        // The part of the depth map within the window's reach: set, then dilated along rows and along columns.
         let (first, last) =
             (depth_pixel(self.left, self.top), depth_pixel(self.left + self.width - 1, self.top + self.height - 1));
         let (left, top) = (first.0.saturating_sub(reach[0]), first.1.saturating_sub(reach[1]));
@@ -219,8 +228,8 @@ impl<'a> View<'a> {
     }
 }
 
-/// Sets what is no further than `reach` from what is set along lines of `count` items with `step` between them, of which there are
-/// `lines` with `line_step` between them.
+/// Dilates `set` by `reach` along lines of `count` items with stride `step`; there are `lines` of them with stride
+/// `line_step`.
 fn grown(set: &[bool], (count, step): (usize, usize), (lines, line_step): (usize, usize), reach: usize) -> Vec<bool> {
     let mut grown = vec![false; set.len()];
     for line in 0..lines {
@@ -237,78 +246,83 @@ fn grown(set: &[bool], (count, step): (usize, usize), (lines, line_step): (usize
     grown
 }
 
-/// Pixels around the steps at which what hides the object ends.
+/// Pixels around the depth steps at which occluders end.
 struct Band {
-    labels: Vec<(Label, f32)>,
-    /// From the nearest step, in pixels.
+    labels: Vec<(TrimapLabel, f32)>,
+    /// Distance from the nearest step, in pixels.
     distances: Vec<f32>,
-    /// Whether what does not hide the object is near.
+    /// Whether a surface that does not hide the object is near.
     beside_free: Vec<bool>,
 }
 
 impl Band {
-    /// `None` where there is none.
-    fn new(view: &View, labels: Vec<(Label, f32)>, occluders: &Occluders) -> Option<Self> {
+    /// Builds the band; returns `None` if it is empty.
+    fn new(view: &View, labels: Vec<(TrimapLabel, f32)>, occluders: &Occluders) -> Option<Self> {
         let ends = |i: usize, j: usize| match (labels[i], labels[j]) {
-            ((Label::Hidden, near_m), (Label::Free, far_m)) => {
+            ((TrimapLabel::Hidden, near_m), (TrimapLabel::Free, far_m)) => {
                 far_m - near_m > (GAP.0 * near_m).max(GAP.1 * occluders.bias_m(near_m))
             }
-            ((Label::Hidden, _), (Label::Hole, _)) => true,
+            ((TrimapLabel::Hidden, _), (TrimapLabel::Hole, _)) => true,
             _ => false,
         };
         let is_end: Vec<bool> = (0..view.len())
             .into_par_iter()
-            .map(|i| labels[i].0 != Label::Off && view.neighbours(i).any(|j| ends(i, j) || ends(j, i)))
+            .map(|i| labels[i].0 != TrimapLabel::Off && view.neighbours(i).any(|j| ends(i, j) || ends(j, i)))
             .collect();
         if !is_end.contains(&true) {
             return None;
         }
         let distances = nearest_seeds(view.width, view.height, |i| is_end[i]);
         let distances = distances.into_iter().map(|nearest| nearest.map_or(f32::INFINITY, |(_, d)| d)).collect();
-        let free = nearest_seeds(view.width, view.height, |i| labels[i].0 == Label::Free);
+        let free = nearest_seeds(view.width, view.height, |i| labels[i].0 == TrimapLabel::Free);
         let beside_free = free.into_iter().map(|nearest| nearest.is_some_and(|(_, d)| d <= HOLE_BAND * view.band));
         Some(Self { beside_free: beside_free.collect(), labels, distances })
     }
 
-    /// The pixels that the photo decides, with what depth and their colours say.
-    fn open(&self, view: &View, colours: &[Vec3]) -> Vec<Open> {
-        let depths = Depths::new(view, &self.labels, &self.distances);
-        // How far a pixel is from the step, in [0, 1], by what is far on its side near by: the middle of a thin pole is sure of itself.
+    /// Returns the pixels that the photo decides, with the priors from depth and colours.
+    fn open(&self, view: &View, colours: &[Vec3]) -> Vec<UnknownPixel> {
+        let depths = LabelDistances::new(view, &self.labels, &self.distances);
+        // Certainty of a pixel, in [0, 1]: its distance from the step relative to the largest nearby on its side. The
+        // middle of a thin pole is certain.
         let sure = |i: usize| {
             let deepest = depths.around(i % view.width, i / view.width, self.labels[i].0).clamp(1.0, view.band);
             ((self.distances[i] + 0.5) / (deepest + 0.5)).min(1.0).powi(2)
         };
         let samples = (0..view.len()).filter_map(|i| {
             let weights = match self.labels[i].0 {
-                Label::Hidden => [sure(i), 0.0],
-                Label::Free => [0.0, sure(i)],
-                Label::Hole | Label::Off => return None,
+                TrimapLabel::Hidden => [sure(i), 0.0],
+                TrimapLabel::Free => [0.0, sure(i)],
+                TrimapLabel::Hole | TrimapLabel::Off => return None,
             };
             Some((i % view.width, i / view.width, colours[i], weights))
         });
         let sides = ColourSides::new((view.width, view.height), view.cell(), samples);
         let open = |i: usize| {
             let (reach, weight, by_depth) = match self.labels[i].0 {
-                Label::Off => return None,
-                Label::Hole => (HOLE_BAND, if self.beside_free[i] { HOLE_WEIGHT } else { 0.0 }, 0.0),
-                Label::Free => (1.0, DEPTH_WEIGHT * sure(i), 0.0),
-                Label::Hidden => (1.0, DEPTH_WEIGHT * sure(i), 1.0),
+                TrimapLabel::Off => return None,
+                TrimapLabel::Hole => (HOLE_BAND, if self.beside_free[i] { HOLE_WEIGHT } else { 0.0 }, 0.0),
+                TrimapLabel::Free => (1.0, DEPTH_WEIGHT * sure(i), 0.0),
+                TrimapLabel::Hidden => (1.0, DEPTH_WEIGHT * sure(i), 1.0),
             };
             if self.distances[i] > reach * view.band {
                 return None;
             }
             let by_colour = 1.0 / (1.0 + (-sides.log_ratio(i % view.width, i / view.width, colours[i])).exp());
             let colour_weight = COLOUR_WEIGHT * (2.0 * by_colour - 1.0).powi(2);
-            // A little weight keeps what nothing is known of between both.
+            // A small weight keeps unconstrained pixels between both labels.
             let sum = weight + colour_weight + 1e-6;
-            Some(Open { pixel: i, weight: sum, prior: (weight * by_depth + colour_weight * by_colour + 0.5e-6) / sum })
+            Some(UnknownPixel {
+                pixel: i,
+                weight: sum,
+                prior: (weight * by_depth + colour_weight * by_colour + 0.5e-6) / sum,
+            })
         };
         (0..view.len()).into_par_iter().filter_map(open).collect()
     }
 
-    /// The colour of what hides the object at a pixel of a soft edge: what is left of the pixel's own without that of the background
-    /// around, no further from that of the pixels around which hide all than those are from each other. `None` where the pixel shows one
-    /// of both alone, or none of either is around.
+    /// Returns the occluder's colour at a pixel of a soft edge: the pixel's colour without the background's part,
+    /// clamped to the range of nearby pixels that are fully hidden. `None` if the pixel shows one side only, or has
+    /// no reference pixels around it.
     fn front(&self, view: &View, shares: &[f32], colours: &[Vec3], i: usize) -> Option<Vec3> {
         let share = shares[i];
         if share <= 0.0 || share >= 1.0 {
@@ -320,7 +334,7 @@ impl Band {
         for py in (y - AROUND).max(0)..(y + AROUND + 1).min(view.height as isize) {
             for px in (x - AROUND).max(0)..(x + AROUND + 1).min(view.width as isize) {
                 let j = py as usize * view.width + px as usize;
-                if self.labels[j].0 == Label::Off {
+                if self.labels[j].0 == TrimapLabel::Off {
                     continue;
                 }
                 if shares[j] <= 0.0 {
@@ -334,9 +348,9 @@ impl Band {
         (count > 0.0 && low.is_finite()).then(|| rest.max(low).min(high))
     }
 
-    /// How much each pixel is like the next of its row and of its column.
+    /// Returns the similarity of each pixel to the next of its row and of its column.
     fn links(&self, view: &View, colours: &[Vec3]) -> Vec<[f32; 2]> {
-        let is_off = |i: usize| self.labels[i].0 == Label::Off;
+        let is_off = |i: usize| self.labels[i].0 == TrimapLabel::Off;
         let difference = |i: usize, j: usize| colours[i].distance_squared(colours[j]);
         let (mut sum, mut count) = (0.0, 0u32);
         for i in (0..view.len()).filter(|&i| self.distances[i] <= view.band && !is_off(i)) {
@@ -359,37 +373,37 @@ impl Band {
     }
 }
 
-/// Farthest distances from the step of free and hidden pixels, by cells of a grid.
-struct Depths {
+/// Largest distances from the step of free and hidden pixels, by cells of a grid.
+struct LabelDistances {
     cell: usize,
     columns: usize,
     rows: usize,
-    /// Of free and of hidden pixels.
+    /// Distances of free and of hidden pixels.
     farthest: Vec<[f32; 2]>,
 }
 
-impl Depths {
-    fn new(view: &View, labels: &[(Label, f32)], distances: &[f32]) -> Self {
+impl LabelDistances {
+    fn new(view: &View, labels: &[(TrimapLabel, f32)], distances: &[f32]) -> Self {
         let cell = view.cell().div_ceil(2);
         let (columns, rows) = (view.width.div_ceil(cell), view.height.div_ceil(cell));
         let mut farthest = vec![[0.0f32; 2]; columns * rows];
         for (i, ((label, _), &distance)) in labels.iter().zip(distances).enumerate() {
             let farthest = &mut farthest[i / view.width / cell * columns + i % view.width / cell];
             match label {
-                Label::Free => farthest[0] = farthest[0].max(distance),
-                Label::Hidden => farthest[1] = farthest[1].max(distance),
-                Label::Off | Label::Hole => {}
+                TrimapLabel::Free => farthest[0] = farthest[0].max(distance),
+                TrimapLabel::Hidden => farthest[1] = farthest[1].max(distance),
+                TrimapLabel::Off | TrimapLabel::Hole => {}
             }
         }
         Self { cell, columns, rows, farthest }
     }
 
-    /// The farthest of a label in the cells around a pixel.
-    fn around(&self, x: usize, y: usize, label: Label) -> f32 {
+    /// Returns the largest distance of a label in the cells around a pixel.
+    fn around(&self, x: usize, y: usize, label: TrimapLabel) -> f32 {
         let near = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
         near(y / self.cell, self.rows)
             .flat_map(|y| near(x / self.cell, self.columns).map(move |x| (x, y)))
-            .map(|(x, y)| self.farthest[y * self.columns + x][usize::from(label == Label::Hidden)])
+            .map(|(x, y)| self.farthest[y * self.columns + x][usize::from(label == TrimapLabel::Hidden)])
             .fold(0.0, f32::max)
     }
 }

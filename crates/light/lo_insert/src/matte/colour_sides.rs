@@ -1,14 +1,14 @@
-//! Which of two sides a colour belongs to, by the colours that both have near by.
+//! Classification of colours between two sides, from the colours of both sides near by.
 
 use lo_geometry::{Mat3, Vec3};
 
-/// Noise of a photo's colours, of sRGB's range: differences below it tell nothing.
+/// Noise of a photo's colours in sRGB's range; smaller differences are ignored.
 const NOISE: f32 = 0.02;
 
 /// Cells on each side of a cell that it learns from.
 const REACH: isize = 2;
 
-/// Weight of a side's colours, in pixels, from which on they are believed.
+/// Weight of a side's colours, in pixels, at which they are fully trusted.
 const MIN_WEIGHT: f32 = 4.0;
 
 /// Sums over the pixels of one side in a cell: weight, colours, products of colours.
@@ -16,7 +16,7 @@ const MIN_WEIGHT: f32 = 4.0;
 struct Moments {
     weight: f32,
     colour: Vec3,
-    /// xx, yy, zz and xy, xz, yz.
+    /// Products xx, yy, zz and xy, xz, yz.
     squares: Vec3,
     products: Vec3,
 }
@@ -40,7 +40,7 @@ impl Moments {
         self.colour / self.weight
     }
 
-    /// Squares and products less those of the mean.
+    /// Returns the covariance: variances and covariances of the channels.
     fn covariance(&self) -> (Vec3, Vec3) {
         let mean = self.mean();
         let squares = (self.squares / self.weight - mean * mean).max(Vec3::ZERO);
@@ -64,7 +64,8 @@ pub(crate) struct ColourSides {
 }
 
 impl ColourSides {
-    /// `pixels`: column, row, colour in sRGB's range, weight on the first and on the second side. `cell` is the grid's pitch in pixels.
+    /// Learns from `pixels`: column, row, colour in sRGB's range, weight on the first and on the second side. `cell`
+    /// is the grid's pitch in pixels.
     pub fn new(
         (width, height): (usize, usize),
         cell: usize,
@@ -82,10 +83,10 @@ impl ColourSides {
         Self { columns, rows, cell, discriminants }
     }
 
-    /// Logarithm of how much likelier the first side has this colour at a pixel; 0 where nothing is known.
+    /// Returns the log likelihood ratio of the first side for a colour at a pixel; 0 if unknown.
     pub fn log_ratio(&self, x: usize, y: usize, colour: Vec3) -> f32 {
         let at = |position: usize| (position as f32 + 0.5) / self.cell as f32 - 0.5;
-        let taps = crate::surface::seen_surfaces::bilinear(at(x), at(y), self.columns, self.rows);
+        let taps = crate::surface::observed_surfaces::bilinear(at(x), at(y), self.columns, self.rows);
         taps.iter()
             .map(|&(x, y, weight)| {
                 let Discriminant { direction, offset } = self.discriminants[y * self.columns + x];
@@ -136,7 +137,8 @@ mod tests {
 
     #[test]
     fn noisy_colours_are_told_apart_where_both_sides_are_known() {
-        // Left the first side is red and right it is green, before grey; beyond 80 pixels there is no first side.
+        // The first side is red on the left and green on the right, in front of grey; beyond 80 pixels there is no
+        // first side.
         let mut state = 3u32;
         let mut noise = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -1,6 +1,8 @@
-/// For each pixel of a grid the index of about the nearest seed and the distance to it in pixels; none where there is no seed at all.
+/// Returns for each pixel of a grid the index of the nearest seed and the distance to it in pixels; `None` without
+/// seeds.
 ///
-/// Two sweeps with the eight neighbours (Danielsson 1980): exact but for rare pixels, where it is off by a fraction of one.
+/// Two sweeps with eight neighbours (Danielsson 1980): exact except for rare pixels with an error of a fraction of a
+/// pixel.
 pub(crate) fn nearest_seeds(width: usize, height: usize, is_seed: impl Fn(usize) -> bool) -> Vec<Option<(usize, f32)>> {
     let mut nearest: Vec<Option<(usize, f32)>> = (0..width * height).map(|i| is_seed(i).then_some((i, 0.0))).collect();
     let mut relax = |x: usize, y: usize, dx: isize, dy: isize| {

@@ -1,21 +1,23 @@
 use lo_geometry::{Quat, Vec2, Vec3};
 use lo_mesh::PreparedModel;
 
-/// Vertices up to this share of the model's height above its lowest one belong to its base.
+/// Height of the base as a share of the model's height: vertices up to it belong to the base.
 const LOW: f32 = 0.02;
 
-/// Spots along the longer side of the base at which one looks for what carries it.
-const SPOTS: usize = 9;
+/// Sample points along the longer side of the base.
+const SAMPLES_PER_SIDE: usize = 9;
 
-/// What a model touches a level surface with: the convex hull of its lowest vertices, as feet carry what is between them.
+/// Contact area of a model on a level surface: the convex hull of its lowest vertices, since feet also support the
+/// part between them.
 #[derive(Clone, Debug)]
 pub struct Base {
-    /// In the model's units, as (x, z) from the middle of the base of its bounding box; counter-clockwise, or one or two points.
+    /// Hull in the model's units, as (x, z) from the centre of the base of its bounding box; counter-clockwise, or
+    /// one or two points.
     hull: Vec<Vec2>,
 }
 
 impl Base {
-    /// That of a model.
+    /// Computes the base of a model.
     pub fn new(model: &PreparedModel) -> Self {
         let bounds = model.bounds();
         let top = bounds.min.y + LOW * bounds.size().y;
@@ -24,7 +26,7 @@ impl Base {
         Self { hull: convex_hull(model.model().positions.iter().filter(|p| p.y <= top).map(offset).collect()) }
     }
 
-    /// Whether a point, as (x, z) in the model's units, lies in the base or no further from it than `margin`.
+    /// Returns whether a point (x, z) in the model's units is in the base or within `margin` of it.
     pub(crate) fn contains(&self, point: Vec2, margin: f32) -> bool {
         let Some((&first, rest)) = self.hull.split_first() else { return false };
         if rest.is_empty() {
@@ -41,12 +43,13 @@ impl Base {
         inside || self.hull.iter().enumerate().map(distance).fold(f32::INFINITY, f32::min) <= margin
     }
 
-    /// Spots spread over the base, as offsets from its middle in metres and the world's axes.
-    pub(crate) fn spots(&self, scale: f32, rotation: Quat) -> impl Iterator<Item = Vec3> {
+    /// Returns sample points over the base, as offsets from its centre in metres and the world's axes.
+    pub(crate) fn sample_points(&self, scale: f32, rotation: Quat) -> impl Iterator<Item = Vec3> {
         let low = self.hull.iter().fold(Vec2::INFINITY, |low, &p| low.min(p));
         let high = self.hull.iter().fold(Vec2::NEG_INFINITY, |high, &p| high.max(p));
-        let pitch = (high - low).max_element() / SPOTS as f32;
-        let count = |length: f32| if pitch > 0.0 { ((length / pitch).round() as usize).clamp(1, SPOTS) } else { 1 };
+        let pitch = (high - low).max_element() / SAMPLES_PER_SIDE as f32;
+        let count =
+            |length: f32| if pitch > 0.0 { ((length / pitch).round() as usize).clamp(1, SAMPLES_PER_SIDE) } else { 1 };
         let (columns, rows) = (count(high.x - low.x), count(high.y - low.y));
         let place = move |i: usize| {
             let share = Vec2::new((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5)
@@ -55,12 +58,12 @@ impl Base {
         };
         (0..columns * rows)
             .map(place)
-            .filter(move |&spot| self.contains(spot, 0.25 * pitch))
-            .map(move |spot| rotation * Vec3::new(spot.x, 0.0, spot.y) * scale)
+            .filter(move |&point| self.contains(point, 0.25 * pitch))
+            .map(move |point| rotation * Vec3::new(point.x, 0.0, point.y) * scale)
     }
 }
 
-/// The convex hull, counter-clockwise (monotone chain, Andrew 1979).
+/// Returns the convex hull, counter-clockwise (monotone chain, Andrew 1979).
 fn convex_hull(mut points: Vec<Vec2>) -> Vec<Vec2> {
     points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     points.dedup();
@@ -120,19 +123,22 @@ mod tests {
         assert_eq!(base.hull.len(), 4);
         assert!(base.contains(Vec2::ZERO, 0.0) && base.contains(Vec2::new(0.99, 0.49), 0.0));
         assert!(!base.contains(Vec2::new(1.1, 0.0), 0.0) && base.contains(Vec2::new(1.1, 0.0), 0.11));
-        // Turned by a quarter and half as large; the rim of the hull is 1 × 0.5 m.
-        let spots: Vec<Vec3> = base.spots(0.5, Quat::from_rotation_y(std::f32::consts::FRAC_PI_2)).collect();
-        assert!(spots.len() > 30 && spots.iter().all(|s| s.x.abs() < 0.25 && s.z.abs() < 0.5 && s.y == 0.0));
-        assert!(spots.iter().any(|s| s.z.abs() > 0.4) && spots.iter().sum::<Vec3>().length() < 1e-3);
+        // Rotated by a quarter turn and half as large; the rim of the hull is 1 × 0.5 m.
+        let sample_points: Vec<Vec3> =
+            base.sample_points(0.5, Quat::from_rotation_y(std::f32::consts::FRAC_PI_2)).collect();
+        assert!(
+            sample_points.len() > 30 && sample_points.iter().all(|s| s.x.abs() < 0.25 && s.z.abs() < 0.5 && s.y == 0.0)
+        );
+        assert!(sample_points.iter().any(|s| s.z.abs() > 0.4) && sample_points.iter().sum::<Vec3>().length() < 1e-3);
     }
 
     #[test]
     fn a_ball_stands_on_a_spot_and_a_line_on_a_line() {
         let line = Base { hull: convex_hull(vec![Vec2::new(-1.0, 0.0), Vec2::new(1.0, 0.0), Vec2::new(1.0, 0.0)]) };
         assert!(line.contains(Vec2::new(0.5, 0.1), 0.11) && !line.contains(Vec2::new(0.5, 0.2), 0.11));
-        assert_eq!(line.spots(1.0, Quat::IDENTITY).count(), SPOTS);
+        assert_eq!(line.sample_points(1.0, Quat::IDENTITY).count(), SAMPLES_PER_SIDE);
         let point = Base { hull: convex_hull(vec![Vec2::ONE]) };
-        assert_eq!(point.spots(1.0, Quat::IDENTITY).collect::<Vec<_>>(), [Vec3::new(1.0, 0.0, 1.0)]);
-        assert_eq!(Base { hull: Vec::new() }.spots(1.0, Quat::IDENTITY).count(), 0);
+        assert_eq!(point.sample_points(1.0, Quat::IDENTITY).collect::<Vec<_>>(), [Vec3::new(1.0, 0.0, 1.0)]);
+        assert_eq!(Base { hull: Vec::new() }.sample_points(1.0, Quat::IDENTITY).count(), 0);
     }
 }

@@ -3,16 +3,16 @@ use std::borrow::Cow;
 use lo_geometry::Vec3;
 use lo_scene::{Estimate, LitScene};
 
-use crate::surface::seen_surfaces::SurfaceMap;
-use crate::{InsertError, SeenSurfaces, surface_at_pixel};
+use crate::surface::observed_surfaces::SurfaceMap;
+use crate::{InsertError, ObservedSurfaces, surface_at_pixel};
 
-/// Real surfaces that carry objects. Without [`SeenSurfaces`], normals are fitted anew around each place, with the same
-/// result.
+/// Real surfaces that support objects. Without [`ObservedSurfaces`], normals are fitted anew around each position,
+/// with equal results.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground<'a> {
     /// The estimate.
     pub estimate: &'a Estimate,
-    surfaces: Option<&'a SeenSurfaces>,
+    surfaces: Option<&'a ObservedSurfaces>,
 }
 
 impl<'a> From<&'a Estimate> for Ground<'a> {
@@ -28,12 +28,12 @@ impl<'a> From<&'a LitScene> for Ground<'a> {
 }
 
 impl<'a> Ground<'a> {
-    /// An estimate with its surfaces.
-    pub fn new(estimate: &'a Estimate, surfaces: &'a SeenSurfaces) -> Self {
+    /// Combines an estimate and its surfaces.
+    pub fn new(estimate: &'a Estimate, surfaces: &'a ObservedSurfaces) -> Self {
         Self { estimate, surfaces: Some(surfaces) }
     }
 
-    /// [`surface_at_pixel`].
+    /// Returns the surface as [`surface_at_pixel`].
     pub(crate) fn surface_at_pixel(&self, u: f64, v: f64) -> Result<(Vec3, Vec3), InsertError> {
         match self.surfaces.and_then(|surfaces| surfaces.at_pixel(u, v)) {
             Some(surface) => Ok(surface),
@@ -41,7 +41,7 @@ impl<'a> Ground<'a> {
         }
     }
 
-    /// The surfaces, where world points are seen and around them at least.
+    /// Returns the surfaces at least around the image positions of world points.
     pub(crate) fn around(&self, points: &[Vec3]) -> Cow<'a, SurfaceMap> {
         match self.surfaces {
             Some(surfaces) => Cow::Borrowed(surfaces.map()),

@@ -2,17 +2,17 @@ use lo_mesh::PreparedModel;
 
 use crate::Placement;
 
-/// A model at a place: one of the objects that are inserted together.
+/// A model with its placement: one of the objects that are inserted together.
 #[derive(Clone, Copy, Debug)]
 pub struct Instance<'a> {
-    /// What stands there.
+    /// The model.
     pub model: &'a PreparedModel,
-    /// Where it stands.
+    /// Its placement.
     pub placement: Placement,
 }
 
 impl<'a> Instance<'a> {
-    /// A model at a place.
+    /// Combines a model and its placement.
     pub fn new(model: &'a PreparedModel, placement: Placement) -> Self {
         Self { model, placement }
     }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, de};
 use serde_json::Value;
 
 use crate::objects::path::frame_times_s;
-use crate::{Align, Base, Ground, InsertError, Instance, Path, Placement, Spot, Stance};
+use crate::{Align, Anchor, Base, Ground, InsertError, Instance, Path, PathPlacement, Placement};
 
 /// Objects that are inserted together, read from JSON.
 ///
@@ -17,12 +17,13 @@ use crate::{Align, Base, Ground, InsertError, Instance, Path, Placement, Spot, S
 /// {"objects": [
 ///     {"mesh": "table.glb", "pixel": [960, 1150], "height_m": 0.45, "material": "matte-white"},
 ///     {"mesh": "vase.obj", "name": "vase", "on": "table", "material": {"preset": "gold", "roughness": 0.3}},
-///     {"mesh": "car.glb", "path": {"keyframes": [{"time_s": 0, "pixel": [500, 1200]}, {"time_s": 2, "pixel": [800, 1250]}]}}
+///     {"mesh": "car.glb",
+///      "path": {"keyframes": [{"time_s": 0, "pixel": [500, 1200]}, {"time_s": 2, "pixel": [800, 1250]}]}}
 /// ]}
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Layout {
-    /// Each with a name of its own.
+    /// The objects; their names are unique.
     objects: Vec<LayoutObject>,
 }
 
@@ -32,56 +33,57 @@ pub struct Layout {
 pub struct LayoutObject {
     /// File of the model: glTF, GLB, OBJ, PLY or STL.
     pub mesh: PathBuf,
-    /// What messages and other objects call it; else its file's name without the extension.
+    /// Name in messages and for other objects; by default the file name without extension.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// Photo position whose surface it rests on, pixel centres at +0.5.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel: Option<[f64; 2]>,
-    /// World position of the middle of its base, in metres.
+    /// World position of the centre of its base, in metres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position_m: Option<[f64; 3]>,
-    /// Keyframes of its way.
+    /// Keyframes of its path.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<PathSource>,
-    /// Name of the object, one before it, that it stands on: at `pixel`, below `position_m`, or in the middle of its top.
+    /// Name of a preceding object that carries it: at `pixel`, below `position_m`, or at the centre of its top.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub on: Option<String>,
-    /// Metres per unit of the model; 1.
+    /// Metres per unit of the model; default 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
     /// Height in metres, instead of a scale.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height_m: Option<f64>,
-    /// Turn about its up, counter-clockwise seen from above, in degrees; 0.
+    /// Rotation about its up, counter-clockwise seen from above, in degrees; default 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub yaw_deg: Option<f64>,
-    /// Which way is up for it; against gravity.
+    /// Alignment of its up; default against gravity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub align: Option<Align>,
-    /// A material for the whole object: a name, or an object of [`MaterialSpec`]'s fields.
+    /// Material of the whole object: a name, or an object of [`MaterialSpec`]'s fields.
     #[serde(deserialize_with = "material", skip_serializing_if = "Option::is_none")]
     pub material: Option<MaterialSpec>,
 }
 
-/// Keyframes, or the file that holds them.
+/// Keyframes, or the file that contains them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum PathSource {
-    /// The file's name.
+    /// Name of the file.
     File(PathBuf),
     /// The keyframes.
     Keyframes(Path),
 }
 
 impl Layout {
-    /// Most objects of a layout.
+    /// Largest number of objects of a layout.
     pub const MAX_OBJECTS: usize = 100;
 
-    /// Checks what is said of each object, and names those that have no name.
+    /// Validates the objects, and names those without a name.
     ///
     /// # Errors
-    /// Where an object has no place or two, two sizes, a size that is none, a name that another one has, or stands on one that does not come before it.
+    /// If an object has no position or several, two sizes or an invalid one, a duplicate name, or a carrier that does
+    /// not precede it.
     pub fn new(mut objects: Vec<LayoutObject>) -> Result<Self, InsertError> {
         if objects.is_empty() || objects.len() > Self::MAX_OBJECTS {
             let found = objects.len();
@@ -90,7 +92,7 @@ impl Layout {
         let mut names: HashSet<String> = HashSet::new();
         for name in objects.iter().filter_map(|object| object.name.as_ref()) {
             if !names.insert(name.clone()) {
-                return Err(InsertError::Layout(format!("two objects are called `{name}`")));
+                return Err(InsertError::Layout(format!("two objects are named `{name}`")));
             }
         }
         for i in 0..objects.len() {
@@ -107,28 +109,26 @@ impl Layout {
         Ok(Self { objects })
     }
 
-    /// Reads and checks a layout: a list of objects, or an object with such a list as `objects`.
+    /// Parses and validates a layout: a list of objects, or an object with such a list as `objects`.
     ///
     /// # Errors
-    /// Where the text is no such JSON, and those of [`Layout::new`].
+    /// If the JSON is invalid, and all errors of [`Layout::new`].
     pub fn from_json(text: &str) -> Result<Self, InsertError> {
         let wrong = |error: serde_json::Error| InsertError::Layout(error.to_string());
         let list = match serde_json::from_str(text).map_err(wrong)? {
             Value::Array(list) => list,
             Value::Object(mut fields) if fields.len() == 1 && fields.contains_key("objects") => {
                 let Some(Value::Array(list)) = fields.remove("objects") else {
-                    return Err(InsertError::Layout("`objects` is no list".into()));
+                    return Err(InsertError::Layout("`objects` is not a list".into()));
                 };
                 list
             }
             Value::Object(fields) => {
                 let unknown = fields.keys().find(|key| *key != "objects");
                 let found = unknown.map_or_else(|| "has none".into(), |key| format!("has `{key}`"));
-                return Err(InsertError::Layout(format!(
-                    "needs a list of objects as `objects` and nothing else, {found}"
-                )));
+                return Err(InsertError::Layout(format!("needs only `objects`, a list of objects; {found}")));
             }
-            _ => return Err(InsertError::Layout("is no list of objects".into())),
+            _ => return Err(InsertError::Layout("is not a list of objects".into())),
         };
         let object = |(i, value): (usize, Value)| {
             let name = value.get("name").or_else(|| value.get("mesh")).and_then(Value::as_str);
@@ -138,7 +138,7 @@ impl Layout {
         Self::new(list.into_iter().enumerate().map(object).collect::<Result<_, _>>()?)
     }
 
-    /// The layout as JSON, as [`Layout::from_json`] reads it.
+    /// Returns the layout as JSON, as read by [`Layout::from_json`].
     ///
     /// # Errors
     /// Only if a file name is not UTF-8.
@@ -146,10 +146,10 @@ impl Layout {
         serde_json::to_string(self).map_err(|error| InsertError::Layout(error.to_string()))
     }
 
-    /// The same with the keyframes that `read` finds in the files of paths.
+    /// Replaces path files by their keyframes, read with `read`.
     ///
     /// # Errors
-    /// Where a file cannot be read, or holds no keyframes.
+    /// If a file cannot be read, or its keyframes are invalid.
     pub fn with_paths(mut self, mut read: impl FnMut(&FilePath) -> io::Result<String>) -> Result<Self, InsertError> {
         for object in &mut self.objects {
             let Some(PathSource::File(file)) = &object.path else { continue };
@@ -162,20 +162,20 @@ impl Layout {
         Ok(self)
     }
 
-    /// The objects.
+    /// Returns the objects.
     pub fn objects(&self) -> &[LayoutObject] {
         &self.objects
     }
 
-    /// Whether any object moves.
+    /// Returns whether any object moves.
     pub fn moves(&self) -> bool {
         self.objects.iter().any(|object| object.path.is_some())
     }
 
-    /// Times of the first keyframe of all paths and of the last, in seconds; `None` where nothing moves.
+    /// Returns the times of the first and the last keyframe of all paths, in seconds; `None` if nothing moves.
     ///
     /// # Errors
-    /// Where the keyframes of a file were not read ([`Layout::with_paths`]).
+    /// If the keyframes of a file were not read ([`Layout::with_paths`]).
     pub fn span_s(&self) -> Result<Option<[f64; 2]>, InsertError> {
         let mut span_s: Option<[f64; 2]> = None;
         for (i, object) in self.objects.iter().enumerate() {
@@ -188,13 +188,14 @@ impl Layout {
         Ok(span_s)
     }
 
-    /// For each object its placements in `frames` frames, at equal time steps from the first keyframe of all paths to the last.
+    /// Returns the placements of each object in `frames` frames, at equal time steps from the first keyframe of all
+    /// paths to the last.
     ///
-    /// `models`: that of each object.
+    /// `models` has one model per object.
     ///
     /// # Errors
-    /// [`InsertError::Object`] where there is no surface at a pixel, or the carrier is not below; where the keyframes of a file were not read
-    /// ([`Layout::with_paths`]).
+    /// [`InsertError::Object`] if there is no surface at a pixel, or the carrier is not below; an error if the
+    /// keyframes of a file were not read ([`Layout::with_paths`]).
     pub fn placements<'a>(
         &self,
         ground: impl Into<Ground<'a>>,
@@ -205,10 +206,11 @@ impl Layout {
         self.placements_at(ground, models, &times_s)
     }
 
-    /// The same at any times, in seconds; what stands on another object is put there at the first of them.
+    /// Returns the placements of each object at given times, in seconds. An object on a carrier is placed at the
+    /// first time.
     ///
     /// # Errors
-    /// Those of [`Layout::placements`].
+    /// As for [`Layout::placements`].
     pub fn placements_at<'a>(
         &self,
         ground: impl Into<Ground<'a>>,
@@ -220,7 +222,9 @@ impl Layout {
         for (i, (object, model)) in self.objects.iter().zip(models).enumerate() {
             let carrier = object.on.as_deref().and_then(|on| self.objects[..i].iter().position(|o| o.name() == on));
             let placed = match carrier {
-                Some(carrier) => object.carried(ground.estimate, model, models[carrier], &placements[carrier]),
+                Some(carrier) => {
+                    object.placements_on_carrier(ground.estimate, model, models[carrier], &placements[carrier])
+                }
                 None => object.placements(ground, model, times_s),
             };
             placements.push(placed.map_err(|error| error.of(i))?);
@@ -230,7 +234,7 @@ impl Layout {
 }
 
 impl LayoutObject {
-    /// Its name in a [`Layout`].
+    /// Returns its name in a [`Layout`].
     pub fn name(&self) -> &str {
         self.name.as_deref().unwrap_or_default()
     }
@@ -243,21 +247,21 @@ impl LayoutObject {
         let places = places.into_iter().filter(|&given| given).count();
         match &self.on {
             None if places != 1 => {
-                return Err("needs one place: \"pixel\", \"position_m\", \"path\" or \"on\"".into());
+                return Err("needs exactly one of \"pixel\", \"position_m\", \"path\" or \"on\"".into());
             }
             Some(_) if places > 1 || self.path.is_some() => {
-                return Err("with \"on\" it can have a \"pixel\" or a \"position_m\" beside, and no \"path\"".into());
+                return Err("with \"on\", only one of \"pixel\" and \"position_m\" is allowed, and no \"path\"".into());
             }
             Some(on) if !carriers.contains(&on.as_str()) => {
-                return Err(format!("it stands on `{on}`, but no object before it is called so"));
+                return Err(format!("no object before it is named `{on}`, which it is \"on\""));
             }
             Some(_) if self.align.is_some() => {
-                return Err("\"align\": it stands as the object does that it is \"on\"".into());
+                return Err("\"align\" is not allowed with \"on\": the alignment is that of the carrier".into());
             }
             _ => {}
         }
         if self.path.is_some() && self.yaw_deg.is_some() {
-            return Err("\"yaw_deg\": the keyframes of its \"path\" say it".into());
+            return Err("\"yaw_deg\" is not allowed with \"path\": set it in the keyframes".into());
         }
         if self.scale.is_some() && self.height_m.is_some() {
             return Err("\"scale\" and \"height_m\" cannot both be given".into());
@@ -278,7 +282,7 @@ impl LayoutObject {
         }
     }
 
-    /// Metres per unit of the model.
+    /// Returns the scale in metres per unit of the model.
     fn scale_of(&self, model: &PreparedModel) -> Result<f32, InsertError> {
         let Some(height_m) = self.height_m else { return Ok(self.scale.unwrap_or(1.0) as f32) };
         let height = model.bounds().size().y;
@@ -289,7 +293,7 @@ impl LayoutObject {
         (self.yaw_deg.unwrap_or(0.0) as f32).to_radians()
     }
 
-    /// On real surfaces or in the air.
+    /// Returns the placements of an object on real surfaces or in the air.
     fn placements(
         &self,
         ground: Ground<'_>,
@@ -298,19 +302,19 @@ impl LayoutObject {
     ) -> Result<Vec<Placement>, InsertError> {
         let (scale, align, base) = (self.scale_of(model)?, self.align.unwrap_or_default(), Base::new(model));
         if let Some(path) = self.keyframes()? {
-            return path.placements_at(ground, &Stance { scale, align, base: Some(&base) }, times_s);
+            return path.placements_at(ground, &PathPlacement { scale, align, base: Some(&base) }, times_s);
         }
         let placed = |placement: Placement| placement.scaled(scale).turned(self.yaw_rad());
         let placement = match (self.position_m, self.pixel) {
             (Some(position_m), _) => placed(Placement::at(ground.estimate, point(position_m), align)),
             (None, Some([u, v])) => placed(Placement::rest_on_pixel(ground, u, v, align)?).settled(ground, &base),
-            (None, None) => return Err(InsertError::Layout("it has no place".into())),
+            (None, None) => return Err(InsertError::Layout("it has no position".into())),
         };
         Ok(vec![placement; times_s.len()])
     }
 
-    /// On another object, with which it moves.
-    fn carried(
+    /// Returns the placements of an object that moves with its carrier.
+    fn placements_on_carrier(
         &self,
         scene: &Estimate,
         model: &PreparedModel,
@@ -318,23 +322,23 @@ impl LayoutObject {
         places: &[Placement],
     ) -> Result<Vec<Placement>, InsertError> {
         let Some(&first) = places.first() else { return Ok(Vec::new()) };
-        let spot = match (self.position_m, self.pixel) {
-            (Some(position_m), _) => Spot::Below(point(position_m)),
-            (None, Some([u, v])) => Spot::Pixel(u, v),
-            (None, None) => Spot::Middle,
+        let anchor = match (self.position_m, self.pixel) {
+            (Some(position_m), _) => Anchor::Below(point(position_m)),
+            (None, Some([u, v])) => Anchor::Pixel(u, v),
+            (None, None) => Anchor::Middle,
         };
         let placed = first.scaled(self.scale_of(model)?).turned(self.yaw_rad()).on_object(
             &Instance::new(carrier, first),
-            spot,
+            anchor,
             &Base::new(model),
             &scene.frame.camera,
         )?;
-        Ok(places.iter().map(|place| placed.carried(&first, place)).collect())
+        Ok(places.iter().map(|place| placed.moved_with_carrier(&first, place)).collect())
     }
 }
 
 impl<'de> Deserialize<'de> for PathSource {
-    /// A file's name, or the keyframes themselves.
+    /// Reads a file name or keyframes.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         match Value::deserialize(deserializer)? {
             Value::String(file) => Ok(Self::File(file.into())),
@@ -348,7 +352,7 @@ impl<'de> Deserialize<'de> for PathSource {
     }
 }
 
-/// A material's name, or its fields.
+/// Reads a material's name or its fields.
 fn material<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<MaterialSpec>, D::Error> {
     let text = match Value::deserialize(deserializer)? {
         Value::Null => return Ok(None),
@@ -362,7 +366,7 @@ fn point(position_m: [f64; 3]) -> Vec3 {
     Vec3::from_array(position_m.map(|x| x as f32))
 }
 
-/// `vase` for `meshes/vase.obj`, or `vase 2` where that is taken.
+/// Returns `vase` for `meshes/vase.obj`, or `vase 2` if that is taken.
 fn free_name(mesh: &FilePath, taken: &HashSet<String>) -> String {
     let stem = mesh.file_stem().map_or_else(|| "object".into(), |stem| stem.to_string_lossy().into_owned());
     let numbered = (2..).map(|number| format!("{stem} {number}"));

@@ -1,7 +1,7 @@
-//! Objects: models at their places, what carries them, layouts and paths.
+//! Objects: placed models, their carriers, layouts and paths.
 
 pub(crate) mod base;
-pub(crate) mod carried;
+pub(crate) mod carrier;
 pub(crate) mod ground;
 pub(crate) mod instance;
 pub(crate) mod layout;

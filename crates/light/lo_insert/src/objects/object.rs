@@ -4,21 +4,21 @@ use lo_mesh::{AlphaMode, Hit, PlacedModel, SurfacePoint};
 use crate::pattern::hammersley;
 use crate::{InsertError, Instance};
 
-/// Smallest alpha that stops light: for the rays that carry light a surface is there or not; the camera's rays mix.
+/// Smallest alpha that blocks light. Light rays treat a surface as present or absent; camera rays blend.
 const LIGHT_ALPHA: f32 = 0.5;
 
-/// Transparent layers that a ray passes before it is taken as free.
+/// Transparent layers that a light ray passes before it counts as unoccluded.
 const MAX_LAYERS: usize = 16;
 
-/// Surfaces that are counted on the way out of an object.
+/// Largest number of surfaces counted by the inside test.
 const MAX_CROSSINGS: usize = 1000;
 
-/// A model at its place in the world.
+/// A model placed in the world.
 pub(crate) struct Object<'a> {
     placed: PlacedModel<'a>,
-    /// From world directions to the object's own axes.
+    /// Rotation from world directions to the object's own axes.
     local_from_world: Mat3,
-    /// Middle of the bounding box, world frame.
+    /// Centre of the bounding box, world frame.
     pub centre_m: Vec3,
     /// Radius of the sphere around the bounding box.
     pub radius_m: f32,
@@ -28,13 +28,13 @@ pub(crate) struct Object<'a> {
     pub high_m: Vec3,
     /// The surface that the object stands on.
     pub support: Option<Plane>,
-    /// Whether some of it can be seen through.
+    /// Whether part of it is transparent.
     pub has_blend: bool,
 }
 
 impl<'a> Object<'a> {
     /// # Errors
-    /// Where the model has no extent, or a number of the placement is not usable.
+    /// If the model has no extent, or a number of the placement is invalid.
     pub fn new(&Instance { model: prepared, placement }: &Instance<'a>) -> Result<Self, InsertError> {
         placement.check()?;
         let bounds = prepared.bounds();
@@ -56,17 +56,17 @@ impl<'a> Object<'a> {
         })
     }
 
-    /// A world direction in the object's own axes.
+    /// Rotates a world direction to the object's own axes.
     pub fn to_local(&self, direction: Vec3) -> Vec3 {
         self.local_from_world * direction
     }
 
-    /// A world point in the object's own axes, in metres.
+    /// Transforms a world point to the object's own axes, in metres.
     pub fn to_local_point(&self, point: Vec3) -> Vec3 {
         self.to_local(point - self.placed.placement.translation)
     }
 
-    /// Corners of the bounding box, world frame.
+    /// Returns the corners of the bounding box, world frame.
     pub fn corners(&self) -> [Vec3; 8] {
         let lo_mesh::Placement { rotation, translation, .. } = self.placed.placement;
         std::array::from_fn(|i| {
@@ -75,7 +75,7 @@ impl<'a> Object<'a> {
         })
     }
 
-    /// Whether a ray passes by the object's box; cheaper than asking the triangles.
+    /// Returns whether a ray misses the object's box; cheaper than a test of the triangles.
     fn misses(&self, ray: &Ray) -> bool {
         let offset = self.centre_m - ray.origin;
         let along = offset.dot(ray.direction);
@@ -89,7 +89,7 @@ impl<'a> Object<'a> {
         a.max(b).min_element() < a.min(b).max_element().max(0.0)
     }
 
-    /// The nearest surface before `max_m` that stops light, whichever way it faces.
+    /// Returns the nearest surface before `max_m` that blocks light, facing either way.
     pub fn closest(&self, ray: &Ray, max_m: f32) -> Option<Hit> {
         if self.misses(ray) {
             return None;
@@ -105,17 +105,18 @@ impl<'a> Object<'a> {
         None
     }
 
-    /// Whether anything before `max_m` stops light.
+    /// Returns whether anything before `max_m` blocks light.
     pub fn blocks(&self, ray: &Ray, max_m: f32) -> bool {
         !self.misses(ray) && self.placed.occluded(ray, max_m)
     }
 
-    /// The nearest surface beyond `from_m` (0: from the start) that the camera sees at least in part.
+    /// Returns the nearest surface beyond `from_m` (0: from the start) that is at least partly visible to the camera.
     pub fn seen(&self, ray: &Ray, from_m: f32) -> Option<Hit> {
         if self.misses(ray) { None } else { self.beyond(ray, from_m, f32::INFINITY, PlacedModel::intersect) }
     }
 
-    /// Whether a world point lies inside: along two of three directions an odd number of surfaces is met (Jordan).
+    /// Returns whether a world point is inside: along two of three directions, the number of crossed surfaces is odd
+    /// (Jordan).
     pub fn contains(&self, point: Vec3) -> bool {
         let is_odd = |direction: Vec3| {
             let ray = Ray { origin: point, direction };
@@ -129,12 +130,12 @@ impl<'a> Object<'a> {
             met % 2 == 1
         };
         let in_box = |local: Vec3| local.cmpge(self.low_m).all() && local.cmple(self.high_m).all();
-        // No two along one of the model's faces, as far as can be told.
+        // Directions that are unlikely to be parallel to the model's faces.
         let directions = [Vec3::new(0.36, 0.48, 0.8), Vec3::new(-0.64, 0.6, 0.48), Vec3::new(0.28, -0.96, 0.0)];
         in_box(self.to_local_point(point)) && directions.into_iter().filter(|&direction| is_odd(direction)).count() >= 2
     }
 
-    /// What `intersect` meets on a ray beyond `from_m`.
+    /// Applies `intersect` to a ray beyond `from_m`.
     fn beyond(
         &self,
         ray: &Ray,
@@ -151,24 +152,25 @@ impl<'a> Object<'a> {
         Some(Hit { distance_m: hit.distance_m + start_m, ..hit })
     }
 
-    /// Unit normal of a triangle to its front, world frame.
+    /// Returns the unit normal of a triangle's front, world frame.
     pub fn triangle_normal(&self, triangle: u32) -> Vec3 {
         self.placed.placement.rotation * self.local_triangle_normal(triangle)
     }
 
-    /// The same in the object's own axes.
+    /// Returns the unit normal of a triangle's front, in the object's own axes.
     pub fn local_triangle_normal(&self, triangle: u32) -> Vec3 {
         let model = self.placed.prepared.model();
         let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
         (b - a).cross(c - a).normalize_or(Vec3::Y)
     }
 
-    /// Material and shading frame where a ray meets the object; `footprint_m` is the width that textures are averaged over.
+    /// Returns material and shading frame at a hit; textures are averaged over a width of `footprint_m`.
     pub fn surface(&self, ray: &Ray, hit: &Hit, footprint_m: f32) -> SurfacePoint {
         self.placed.surface(hit, ray.direction, footprint_m)
     }
 
-    /// `count` points spread over the surface by area, seen from their fronts; the same ones of a model each time.
+    /// Returns `count` points spread over the surface by area, seen from their fronts. They are deterministic per
+    /// model.
     pub fn spread_points(&self, count: usize) -> Vec<SurfacePoint> {
         let model = self.placed.prepared.model();
         let area = |triangle: &[u32; 3]| {
@@ -181,7 +183,7 @@ impl<'a> Object<'a> {
         let mut before = 0.0;
         for (index, triangle) in model.triangles.iter().enumerate() {
             before += area(triangle);
-            // Steps i + ½ of the running area fall into this triangle, each at a spot of its own.
+            // Steps i + ½ of the cumulative area within this triangle, each at its own position.
             while points.len() < count && (points.len() as f64 + 0.5) / count as f64 * total < before {
                 let spot = hammersley(points.len(), count).x;
                 let root = (points.len() as f32 * 0.754_877_7).fract().sqrt();

@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Align, Base, Ground, InsertError, Placement};
 
-/// A moving object: keyframes over time, read from JSON.
+/// Path of a moving object: keyframes over time, read from JSON.
 ///
 /// ```json
 /// {"interpolation": "catmull-rom",
@@ -13,60 +13,60 @@ use crate::{Align, Base, Ground, InsertError, Placement};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Path {
-    /// How positions and yaw run between keyframes.
+    /// Interpolation of positions and yaw between keyframes.
     #[serde(default)]
     pub interpolation: Interpolation,
-    /// At least one, times ascending.
+    /// Keyframes by ascending time; at least one.
     pub keyframes: Vec<Keyframe>,
 }
 
-/// How values run between keyframes.
+/// Interpolation between keyframes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interpolation {
-    /// Straight.
+    /// Piecewise linear.
     #[default]
     Linear,
-    /// Smooth through every keyframe (cubic Hermite, tangents by differences of the neighbours).
+    /// Smooth through every keyframe (cubic Hermite, tangents from differences of the neighbours).
     CatmullRom,
 }
 
-/// Place and turn at one time.
+/// Position and yaw at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Keyframe {
     /// Time in seconds.
     pub time_s: f64,
-    /// World position of the object's base in metres; or else `pixel`.
+    /// World position of the object's base in metres; alternative to `pixel`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub position_m: Option<[f64; 3]>,
-    /// Photo position whose surface the object rests on; or else `position_m`.
+    /// Photo position whose surface the object rests on; alternative to `position_m`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixel: Option<[f64; 2]>,
-    /// Turn about the up axis in degrees; not wrapped, so 0 → 720 turns twice.
+    /// Rotation about the up axis in degrees; not wrapped, so 0 → 720 is two turns.
     #[serde(default)]
     pub yaw_deg: f64,
 }
 
-/// How an object stands at every keyframe.
+/// Placement options that all keyframes share.
 #[derive(Clone, Copy, Debug)]
-pub struct Stance<'a> {
+pub struct PathPlacement<'a> {
     /// Metres per unit of the model.
     pub scale: f32,
-    /// Which way is up for it.
+    /// Alignment of its up.
     pub align: Align,
-    /// What it touches a surface with; without it the surface's height is that of the pixel alone.
+    /// Contact area with the surface; without it, the surface's height is that of the pixel alone.
     pub base: Option<&'a Base>,
 }
 
-impl Default for Stance<'_> {
-    /// As large as it was made, against gravity.
+impl Default for PathPlacement<'_> {
+    /// Returns the model's own size, against gravity.
     fn default() -> Self {
         Self { scale: 1.0, align: Align::Gravity, base: None }
     }
 }
 
-impl Stance<'_> {
+impl PathPlacement<'_> {
     fn at_key(&self, ground: Ground<'_>, key: &Keyframe) -> Result<Placement, InsertError> {
         match (key.position_m, key.pixel) {
             (Some(position), _) => {
@@ -85,13 +85,13 @@ impl Stance<'_> {
 }
 
 impl Path {
-    /// Most keyframes that a path may have.
+    /// Largest number of keyframes of a path.
     const MAX_KEYFRAMES: usize = 100_000;
 
-    /// Reads and checks a path.
+    /// Parses and validates a path.
     ///
     /// # Errors
-    /// Where the text is no such JSON, or times, positions or yaw make no sense.
+    /// If the JSON is invalid, or times, positions or yaw are.
     pub fn from_json(text: &str) -> Result<Self, InsertError> {
         let path: Self = serde_json::from_str(text)?;
         path.check()?;
@@ -106,7 +106,7 @@ impl Path {
         for (i, key) in self.keyframes.iter().enumerate() {
             let numbers = key.position_m.iter().flatten().chain(key.pixel.iter().flatten());
             if !numbers.chain([&key.time_s, &key.yaw_deg]).all(|x| x.is_finite()) {
-                return fail(format!("keyframe {i} holds a number that is not finite"));
+                return fail(format!("keyframe {i} has a number that is not finite"));
             }
             if key.position_m.is_some() == key.pixel.is_some() {
                 return fail(format!("keyframe {i} needs either \"position_m\" or \"pixel\""));
@@ -118,41 +118,42 @@ impl Path {
         Ok(())
     }
 
-    /// Times of the first keyframe and of the last, in seconds.
+    /// Returns the times of the first and the last keyframe, in seconds.
     ///
     /// # Errors
-    /// Where the path makes no sense.
+    /// If the path is invalid.
     pub fn span_s(&self) -> Result<[f64; 2], InsertError> {
         self.check()?;
         Ok([self.keyframes[0].time_s, self.keyframes[self.keyframes.len() - 1].time_s])
     }
 
-    /// `frames` placements at equal time steps from the first keyframe to the last.
+    /// Returns `frames` placements at equal time steps from the first keyframe to the last.
     ///
     /// # Errors
-    /// Where a keyframe's pixel has no surface, or the path makes no sense.
+    /// If a keyframe's pixel has no surface, or the path is invalid.
     pub fn placements<'a>(
         &self,
         ground: impl Into<Ground<'a>>,
-        stance: &Stance,
+        options: &PathPlacement,
         frames: usize,
     ) -> Result<Vec<Placement>, InsertError> {
-        self.placements_at(ground, stance, &frame_times_s(self.span_s()?, frames))
+        self.placements_at(ground, options, &frame_times_s(self.span_s()?, frames))
     }
 
-    /// A placement at each of some times in seconds: before the first keyframe that one's, after the last that one's.
+    /// Returns the placements at given times in seconds. Before the first keyframe and after the last one the object
+    /// rests.
     ///
     /// # Errors
-    /// Where a keyframe's pixel has no surface, or the path makes no sense.
+    /// If a keyframe's pixel has no surface, or the path is invalid.
     pub fn placements_at<'a>(
         &self,
         ground: impl Into<Ground<'a>>,
-        stance: &Stance,
+        options: &PathPlacement,
         times_s: &[f64],
     ) -> Result<Vec<Placement>, InsertError> {
         self.check()?;
         let ground = ground.into();
-        let keys = self.keyframes.iter().map(|key| stance.at_key(ground, key)).collect::<Result<Vec<_>, _>>()?;
+        let keys = self.keyframes.iter().map(|key| options.at_key(ground, key)).collect::<Result<Vec<_>, _>>()?;
         Ok(times_s.iter().map(|&time_s| self.placement_at(&keys, time_s)).collect())
     }
 
@@ -190,13 +191,13 @@ impl Path {
     }
 }
 
-/// Times of `frames` frames at equal steps from the first time to the last.
+/// Returns the times of `frames` frames at equal steps from the first time to the last.
 pub(crate) fn frame_times_s([first, last]: [f64; 2], frames: usize) -> Vec<f64> {
     let step = (last - first) / (frames.max(2) - 1) as f64;
     (0..frames).map(|frame| first + step * frame as f64).collect()
 }
 
-/// Cubic with values `p`, `q` and slopes `dp`, `dq` at 0 and 1.
+/// Evaluates the cubic with values `p`, `q` and slopes `dp`, `dq` at 0 and 1.
 fn hermite(p: f64, dp: f64, q: f64, dq: f64, t: f64) -> f64 {
     let (t2, t3) = (t * t, t * t * t);
     p * (2.0 * t3 - 3.0 * t2 + 1.0) + dp * (t3 - 2.0 * t2 + t) + q * (3.0 * t2 - 2.0 * t3) + dq * (t3 - t2)

@@ -5,39 +5,39 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Base, Ground, InsertError};
 
-/// Surfaces tilted less than this against the room's up are taken as level: depth noise tilts fitted normals by a few degrees.
+/// Largest tilt of a surface that counts as level, degrees: depth noise tilts fitted normals by a few degrees.
 const LEVEL_DEG: f32 = 10.0;
 
-/// An object stands on surfaces tilted up to here; beside anything steeper it stands without support.
+/// Largest tilt of a surface that supports an object, degrees.
 const STANDING_DEG: f32 = 40.0;
 
-/// The same where depth was predicted, and normals with it.
+/// Largest tilt of a supporting surface where depth, and so normals, are predicted, degrees.
 const PREDICTED_STANDING_DEG: f32 = 55.0;
 
-/// Readings this far above or below the base at first may belong to the surface that carries it: metres, and metres per metre of
-/// depth, for measured and for predicted depth.
+/// Largest height above or below the initial base of readings that may belong to the supporting surface: metres, and
+/// metres per metre of depth, for measured and for predicted depth.
 const PATCH_REACH: [(f32, f32); 2] = [(0.02, 0.01), (0.04, 0.04)];
 
-/// Fewest readings that tell the height of a surface better than one pixel.
+/// Fewest readings that give a better height than one pixel.
 const MIN_PATCH: usize = 5;
 
-/// Which way an object's +Y is turned.
+/// Alignment of an object's +Y.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Align {
-    /// Against gravity, as far as the scene knows it.
+    /// Against gravity; the camera's up if gravity is unknown.
     #[default]
     Gravity,
-    /// Along the normal of the surface that it stands on, up to a tilt of 40°; against gravity on surfaces within 10° of level, and
-    /// beside steeper ones.
+    /// Along the normal of its supporting surface, up to a tilt of 40°; against gravity on surfaces within 10° of
+    /// level and on steeper ones.
     Surface,
-    /// Up in the picture, the camera's +Y.
+    /// Up in the image, the camera's +Y.
     None,
 }
 
-/// Where an object stands and how it is turned.
+/// Position, size and rotation of an object.
 ///
-/// The middle of the base of the model's bounding box comes to `position_m`, its +Y points along `up`.
+/// The centre of the base of the model's bounding box is at `position_m`, its +Y points along `up`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// World position of the object's base, in metres.
@@ -46,15 +46,15 @@ pub struct Placement {
     pub scale: f32,
     /// Rotation about `up`, counter-clockwise seen from above, in radians.
     pub yaw_rad: f32,
-    /// Unit vector that the model's +Y is turned to.
+    /// Unit vector to which the model's +Y is rotated.
     pub up: Vec3,
-    /// The surface that the object rests on, if any; light is gathered from above it.
+    /// Surface that the object rests on, if any; light is gathered from above it.
     pub support: Option<Plane>,
 }
 
 impl Placement {
-    /// At a world position; the floor supports it if it is near. No surface is looked for, so that [`Align::Surface`] is as
-    /// [`Align::Gravity`].
+    /// Places an object at a world position; the floor supports it if it is near. Other surfaces are ignored, so that
+    /// [`Align::Surface`] equals [`Align::Gravity`].
     pub fn at(scene: &Estimate, position_m: Vec3, align: Align) -> Self {
         let up = match align {
             Align::Gravity | Align::Surface => scene.up(),
@@ -66,12 +66,13 @@ impl Placement {
         Self { position_m, scale: 1.0, yaw_rad: 0.0, up, support }
     }
 
-    /// Resting on the surface seen at photo position `(u, v)`, pixel centres at +0.5. [`Placement::settled`] makes it sit there.
+    /// Places an object on the surface at photo position `(u, v)`, pixel centres at +0.5. [`Placement::settled`]
+    /// refines its height.
     ///
-    /// What is steeper than 40° (55° where depth was predicted) supports nothing.
+    /// Surfaces steeper than 40° (55° for predicted depth) do not support objects.
     ///
     /// # Errors
-    /// Outside of the photo, and where the depth map has no reading.
+    /// If the position is outside of the photo, or the depth map has no reading there.
     pub fn rest_on_pixel<'a>(ground: impl Into<Ground<'a>>, u: f64, v: f64, align: Align) -> Result<Self, InsertError> {
         let ground = ground.into();
         let (scene, (position_m, normal)) = (ground.estimate, ground.surface_at_pixel(u, v)?);
@@ -88,20 +89,20 @@ impl Placement {
         Ok(Self { position_m, scale: 1.0, yaw_rad: 0.0, up, support })
     }
 
-    /// The same place with another scale, in metres per unit of the model.
+    /// Returns the placement with another scale, in metres per unit of the model.
     pub fn scaled(self, scale: f32) -> Self {
         Self { scale, ..self }
     }
 
-    /// The same place, turned to another yaw in radians.
+    /// Returns the placement with another yaw in radians.
     pub fn turned(self, yaw_rad: f32) -> Self {
         Self { yaw_rad, ..self }
     }
 
-    /// The same place in the picture with the base at the height of the surface that carries it: the median of the readings below
-    /// the base. Without support, or with too few readings, it stays.
+    /// Moves the base along the line of sight to the height of its supporting surface: the median of the readings
+    /// below the base. Without support, or with too few readings, it stays.
     ///
-    /// Call it once scale and yaw are what they shall be: both decide what lies below the base.
+    /// Set scale and yaw first: both determine which readings are below the base.
     pub fn settled<'a>(self, ground: impl Into<Ground<'a>>, base: &Base) -> Self {
         if self.support.is_none() {
             return self;
@@ -111,11 +112,11 @@ impl Placement {
         if heights_m.len() < MIN_PATCH {
             return self;
         }
-        // Once more among those near the middle: less of what stands or lies about.
+        // Repeat near the median, to exclude other objects on the surface.
         let middle_m = median(heights_m.clone());
         let reach_m = 0.5 * self.patch_reach_m(ground.estimate);
         let height_m = median(heights_m.into_iter().filter(|h| (h - middle_m).abs() <= reach_m).collect());
-        // Along the line of sight, so that the base stays where it is seen.
+        // Along the line of sight, so that the base keeps its image position.
         let sight = self.position_m.normalize_or(Vec3::NEG_Z);
         let rise = sight.dot(self.up);
         let step = if rise.abs() > 0.05 { sight * (height_m / rise) } else { self.up * height_m };
@@ -123,7 +124,7 @@ impl Placement {
         Self { position_m, support: Some(Plane::through(position_m, self.up)), ..self }
     }
 
-    /// How a model of these bounds is scaled, turned and moved.
+    /// Returns scale, rotation and translation of a model of these bounds.
     pub fn of_model(&self, bounds: Bounds) -> lo_mesh::Placement {
         let (scale, rotation) = (self.scale, self.rotation());
         let centre = bounds.center();
@@ -131,7 +132,7 @@ impl Placement {
         lo_mesh::Placement { scale, rotation, translation: self.position_m - rotation * (base * scale) }
     }
 
-    /// What turns the model's axes to the world's.
+    /// Returns the rotation from the model's axes to the world's.
     pub(crate) fn rotation(&self) -> Quat {
         (Quat::from_rotation_arc(Vec3::Y, self.up) * Quat::from_rotation_y(self.yaw_rad)).normalize()
     }
@@ -141,12 +142,13 @@ impl Placement {
         least_m + per_m * -self.position_m.z
     }
 
-    /// Heights over the base of the readings below it that may be the surface which carries it.
+    /// Returns the heights over the base of the readings below it that may belong to the supporting surface.
     fn heights_below(&self, ground: Ground<'_>, base: &Base) -> Vec<f32> {
         let rotation = self.rotation();
-        let spots = base.spots(self.scale, rotation).map(|spot| self.position_m + spot).chain([self.position_m]);
-        let spots: Vec<Vec3> = spots.collect();
-        let map = ground.around(&spots);
+        let sample_points =
+            base.sample_points(self.scale, rotation).map(|point| self.position_m + point).chain([self.position_m]);
+        let sample_points: Vec<Vec3> = sample_points.collect();
+        let map = ground.around(&sample_points);
         let local_from_world = rotation.conjugate();
         let reach_m = self.patch_reach_m(ground.estimate);
         let least_cosine = PREDICTED_STANDING_DEG.to_radians().cos();
@@ -158,14 +160,14 @@ impl Placement {
             let inside = || base.contains(Vec2::new(offset.x, offset.z) / self.scale, pitch_m / self.scale);
             (carries && inside()).then_some(offset.y)
         };
-        let (columns, rows) = map.window(&spots);
+        let (columns, rows) = map.window(&sample_points);
         rows.flat_map(|y| columns.clone().map(move |x| (x, y))).filter_map(below).collect()
     }
 
-    /// Whether it can be rendered.
+    /// Checks that all numbers are valid.
     ///
     /// # Errors
-    /// Where a number is NaN, infinite or out of range.
+    /// If a number is NaN, infinite or out of range.
     pub fn check(&self) -> Result<(), InsertError> {
         let bad = |name, needed, found: String| Err(InsertError::Placement { name, needed, found });
         if !(self.position_m.is_finite() && self.position_m.abs().max_element() < 1e4) {
@@ -184,7 +186,7 @@ impl Placement {
     }
 }
 
-/// The middle one; 0 of none.
+/// Returns the median; 0 for an empty list.
 fn median(mut values: Vec<f32>) -> f32 {
     let middle = values.len() / 2;
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f32::total_cmp).1 }

@@ -6,34 +6,35 @@ use lo_mesh::{Hit, SurfacePoint};
 use crate::objects::object::Object;
 use crate::{InsertError, Instance};
 
-/// Surface points of an object that are asked whether they lie in another.
+/// Surface points of an object that are tested for being inside another.
 const INSIDE_POINTS: usize = 256;
 
-/// How far below its surface a point has to lie in another object, as a share of the smaller radius: objects that touch do not count.
+/// Smallest depth of a point inside another object, as a share of the smaller radius; objects that only touch do not
+/// intersect.
 const INSIDE_DEPTH: f32 = 0.01;
 
 /// Distance from a surface at which rays into its own object start, as a share of its radius.
 const START: f32 = 1e-5;
 
-/// Share of the points of one object in the other from which on the two reach into one another.
+/// Smallest share of one object's points inside another for which the two intersect.
 const MIN_INSIDE: f32 = 0.01;
 
-/// Objects that are inserted together: what light meets, whichever of them it is.
+/// The objects that are inserted together, as one target of rays.
 pub(crate) struct Objects<'a> {
     all: Vec<Object<'a>>,
 }
 
-/// Where a ray meets one of several objects.
+/// Intersection of a ray with one of several objects.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ObjectHit {
-    /// Which of them.
+    /// Index of the object.
     pub object: usize,
     pub hit: Hit,
 }
 
 impl<'a> Objects<'a> {
     /// # Errors
-    /// Where a model has no extent, or a number of its placement is not usable.
+    /// If a model has no extent, or a number of its placement is invalid.
     pub fn new(instances: &[Instance<'a>]) -> Result<Self, InsertError> {
         let object = |(i, instance)| Object::new(instance).map_err(|error| error.of(i));
         Ok(Self { all: instances.iter().enumerate().map(object).collect::<Result<_, _>>()? })
@@ -47,7 +48,7 @@ impl<'a> Objects<'a> {
         self.all.iter()
     }
 
-    /// The nearest surface before `max_m` that stops light, whichever way it faces.
+    /// Returns the nearest surface before `max_m` that blocks light, facing either way.
     pub fn closest(&self, ray: &Ray, max_m: f32) -> Option<ObjectHit> {
         let mut nearest: Option<ObjectHit> = None;
         for (object, candidate) in self.all.iter().enumerate() {
@@ -57,19 +58,19 @@ impl<'a> Objects<'a> {
         nearest
     }
 
-    /// Whether anything before `max_m` stops light.
+    /// Returns whether anything before `max_m` blocks light.
     pub fn blocks(&self, ray: &Ray, max_m: f32) -> bool {
         self.all.iter().any(|object| object.blocks(ray, max_m))
     }
 
-    /// Where a ray meets object `index`, if no other one stops its light before.
+    /// Returns the intersection of a ray with object `index`, unless another object blocks its light before.
     pub fn closest_of(&self, index: usize, ray: &Ray) -> Option<Hit> {
         self.all[index].closest(ray, f32::INFINITY).filter(|hit| self.is_first(index, ray, hit))
     }
 
-    /// Whether object `index` stops a ray's light, and no other one does so before.
+    /// Returns whether object `index` blocks a ray's light and no other object does so before.
     pub fn blocked_by(&self, index: usize, ray: &Ray) -> bool {
-        // Where there is no other one, what is met does not matter.
+        // With a single object, the hit itself does not matter.
         let alone = self.len() == 1;
         if alone { self.all[index].blocks(ray, f32::INFINITY) } else { self.closest_of(index, ray).is_some() }
     }
@@ -78,7 +79,7 @@ impl<'a> Objects<'a> {
         self.all.iter().enumerate().all(|(i, other)| i == index || !other.blocks(ray, hit.distance_m))
     }
 
-    /// The nearest surface beyond `from_m` (0: from the start) that the camera sees at least in part.
+    /// Returns the nearest surface beyond `from_m` (0: from the start) that is at least partly visible to the camera.
     pub fn seen(&self, ray: &Ray, from_m: f32) -> Option<ObjectHit> {
         let mut nearest: Option<ObjectHit> = None;
         for (object, candidate) in self.all.iter().enumerate() {
@@ -90,8 +91,8 @@ impl<'a> Objects<'a> {
         nearest
     }
 
-    /// Pairs of objects that reach into one another: some of the surface of one lies well inside of the other. A model with holes has
-    /// no inside that could be told.
+    /// Returns pairs of intersecting objects: part of the surface of one is well inside the other. A model with holes
+    /// has no defined inside and never counts.
     pub fn intersecting(&self) -> impl Iterator<Item = [usize; 2]> {
         let pairs = (0..self.len()).flat_map(|b| (0..b).map(move |a| [a, b]));
         pairs.filter(|&[a, b]| {
@@ -114,7 +115,7 @@ fn reaches_into(object: &Object, other: &Object) -> bool {
     let depth_m = INSIDE_DEPTH * object.radius_m.min(other.radius_m);
     let points = object.spread_points(INSIDE_POINTS);
     let inside = |point: &SurfacePoint| {
-        // Of what is thin the middle.
+        // Take the middle of thin parts.
         let start = point.position - START * object.radius_m * point.geometric_normal;
         let inwards = Ray { origin: start, direction: -point.geometric_normal };
         let through_m = object.closest(&inwards, 2.0 * depth_m).map_or(2.0 * depth_m, |hit| hit.distance_m);

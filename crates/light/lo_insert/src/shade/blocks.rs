@@ -1,32 +1,32 @@
-//! Light that neighbouring pixels share.
+//! Light shared by neighbouring pixels.
 //!
-//! Light is gathered at one fragment of each surface in each block of pixels, on the photo's own grid, and interpolated between
-//! these sources, only along one surface (as in irradiance caching, Ward 1988, on a fixed grid).
+//! Light is gathered at one fragment of each surface in each block of pixels, on the photo's own grid. It is
+//! interpolated between these sources, only along one surface (irradiance caching, Ward 1988, on a fixed grid).
 
 use lo_geometry::Vec3;
 
 use crate::light::gather::Gathered;
-use crate::shade::look::Look;
+use crate::shade::fragment_material::FragmentMaterial;
 use crate::shade::visibility::Fragment;
 
 const NONE: u32 = u32::MAX;
 
-/// Sources of light, by blocks of pixels.
+/// Source fragments by blocks of pixels.
 pub(crate) struct Blocks {
-    /// Side of a block in pixels; 1: every fragment is a source of its own.
+    /// Side of a block in pixels; with 1, every fragment is a source.
     stride: usize,
     /// Fragments at which light is gathered.
     pub sources: Vec<usize>,
     first_block: (usize, usize),
     columns: usize,
     rows: usize,
-    /// For each block the last of its sources, and for each source the one before it in its block.
+    /// For each block its last source, and for each source the previous one in its block.
     last: Vec<u32>,
     before: Vec<u32>,
 }
 
 /// Light at a fragment.
-pub(crate) struct Light {
+pub(crate) struct FragmentLight {
     pub irradiance: Vec3,
     /// See [`Gathered::highlights`].
     pub highlights: Vec3,
@@ -35,7 +35,7 @@ pub(crate) struct Light {
 }
 
 impl Blocks {
-    pub fn new(fragments: &[Fragment], looks: &[Look], stride: usize) -> Self {
+    pub fn new(fragments: &[Fragment], materials: &[FragmentMaterial], stride: usize) -> Self {
         let block = |f: &Fragment| (f.pixel.0 / stride, f.pixel.1 / stride);
         if stride == 1 || fragments.is_empty() {
             let sources = (0..fragments.len()).collect();
@@ -54,7 +54,7 @@ impl Blocks {
             let index = (row - low.1) * columns + column - low.0;
             let found = blocks.chain(blocks.last[index]).any(|slot| {
                 let source = blocks.sources[slot];
-                looks[source].is_like(&looks[i]) && blocks.on_same_surface(&fragments[source], fragment)
+                materials[source].is_like(&materials[i]) && blocks.on_same_surface(&fragments[source], fragment)
             });
             if !found {
                 blocks.before.push(blocks.last[index]);
@@ -65,25 +65,30 @@ impl Blocks {
         blocks
     }
 
-    /// Light at fragment `index`, from what was gathered at the sources and reflected at each fragment that asked for it.
+    /// Returns the light at fragment `index`, from the light gathered at the sources and the reflections of fragments
+    /// with their own.
     pub fn light_of(
         &self,
         index: usize,
         fragments: &[Fragment],
-        looks: &[Look],
+        materials: &[FragmentMaterial],
         gathered: &[Gathered],
         reflected: &[Vec3],
-    ) -> Light {
+    ) -> FragmentLight {
         if self.stride == 1 {
             let own = &gathered[index];
-            return Light { irradiance: own.irradiance, highlights: own.highlights, reflected: reflected[index] };
+            return FragmentLight {
+                irradiance: own.irradiance,
+                highlights: own.highlights,
+                reflected: reflected[index],
+            };
         }
-        if !looks[index].gathers() && !looks[index].shares_reflection {
-            return Light { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: reflected[index] };
+        if !materials[index].gathers() && !materials[index].shares_reflection {
+            return FragmentLight { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: reflected[index] };
         }
         let fragment = &fragments[index];
         let per_pixel = 1.0 / (1.5 * self.stride as f32);
-        let mut sum = Light { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: Vec3::ZERO };
+        let mut sum = FragmentLight { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: Vec3::ZERO };
         let mut total = 0.0;
         let (column, row) = (fragment.pixel.0 / self.stride, fragment.pixel.1 / self.stride);
         let (column, row) = (column - self.first_block.0, row - self.first_block.1);
@@ -100,7 +105,7 @@ impl Blocks {
                     }
                     let alike = source == index
                         || (!other.point.unlit
-                            && looks[source].is_like(&looks[index])
+                            && materials[source].is_like(&materials[index])
                             && self.on_same_surface(other, fragment));
                     if !alike {
                         continue;
@@ -116,8 +121,8 @@ impl Blocks {
         }
         // The block's own source is less than a block away, so there is always one.
         let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
-        let shared = looks[index].shares_reflection;
-        Light {
+        let shared = materials[index].shares_reflection;
+        FragmentLight {
             irradiance: sum.irradiance * scale,
             highlights: sum.highlights * scale,
             reflected: if shared { sum.reflected * scale } else { reflected[index] },
@@ -129,7 +134,8 @@ impl Blocks {
         std::iter::successors(slot(last), move |&at| slot(self.before[at]))
     }
 
-    /// Whether two fragments of neighbouring pixels get about the same light; larger blocks bridge more.
+    /// Returns whether two fragments of neighbouring pixels receive about equal light; larger blocks allow larger
+    /// distances.
     fn on_same_surface(&self, a: &Fragment, b: &Fragment) -> bool {
         let (near, far) = (a.point.position.z.abs(), b.point.position.z.abs());
         let least_cosine = if self.stride > 2 { 0.7 } else { 0.85 };

@@ -7,26 +7,28 @@ use rayon::prelude::*;
 
 use crate::shade::visibility::{Hidden, TileView};
 
-/// A photo with objects in it, and the layers that it was made of; all of the photo's size.
+/// A photo with inserted objects, and its layers, all of the photo's size.
 #[derive(Clone, Debug)]
 pub struct Composite {
-    /// The picture, of the same kind as the photo. Pixels that the objects do not change are the photo's own, bit by bit.
+    /// The composite, of the photo's type. Pixels that the objects do not change are bit-identical to the photo's.
     pub image: Photo,
-    /// Linear RGB radiance of the objects, premultiplied by `alpha`. Along the soft edges of what hides them, less what the photo's pixels
-    /// show of the old background; it can be negative there. The picture is `(photo · shadow_ratio + reflection) · (1 − alpha) + object`.
+    /// Linear RGB radiance of the objects, premultiplied by `alpha`. Along soft edges of occluders, the photo's old
+    /// background is subtracted, so that it can be negative.
+    ///
+    /// The composite is `(photo · shadow_ratio + reflection) · (1 − alpha) + object`.
     pub object: RadianceImage,
     /// Share of each pixel that shows an object, in [0, 1].
     pub alpha: Image<f32>,
-    /// Factor on the photo for shadow and bounced light; exactly 1 where there is none.
+    /// Factor on the photo for shadow and bounced light; exactly 1 if unaffected.
     pub shadow_ratio: RadianceImage,
-    /// Linear RGB radiance that the objects' mirror image on a glossy support adds to the photo, negative where it hides what was mirrored there; none
-    /// where no gloss was asked for.
+    /// Linear RGB radiance that the objects' reflection in a glossy support adds to the photo, negative where it
+    /// hides an earlier reflection. `None` without gloss.
     pub reflection: Option<RadianceImage>,
-    /// Share of each pixel where an object is hidden by real surfaces, in [0, 1].
+    /// Share of each pixel in which real surfaces hide an object, in [0, 1].
     pub occlusion: Image<f32>,
 }
 
-/// The objects' layers while they are made.
+/// Layers of the objects during rendering.
 pub(crate) struct Layers {
     object: Image<Vec3>,
     alpha: Image<f32>,
@@ -54,8 +56,8 @@ impl Layers {
         }
     }
 
-    /// Takes the old background out of what hides the object at a pixel of a soft edge: `change` is the radiance of what hides it less
-    /// the photo's.
+    /// Removes the old background from the occluder's colour at a pixel of a soft edge: `change` is the occluder's
+    /// radiance minus the photo's.
     pub fn clear_edge(&mut self, pixel: (usize, usize), change: Vec3) {
         if self.alpha[pixel] > 0.0 {
             self.object[pixel] += change * self.occlusion[pixel];
@@ -63,16 +65,16 @@ impl Layers {
     }
 }
 
-/// `lo_imaging::srgb8_from_linear` without its power.
+/// Table-based `lo_imaging::srgb8_from_linear`.
 struct SrgbTable {
-    /// Linear values half-way between code i and the next.
+    /// Linear values half-way between each code and the next.
     limits: [f32; 255],
-    /// For each piece of [`SrgbTable::LOWEST`] to 1, 64 to an octave, the code of its lower end.
+    /// Code at the lower end of each interval from [`SrgbTable::LOWEST`] to 1, with 64 intervals per octave.
     codes: [u8; 13 * 64],
 }
 
 impl SrgbTable {
-    /// Below the first limit.
+    /// Start of the table, below the first limit.
     const LOWEST: f32 = 1.0 / 8192.0;
 
     fn get() -> &'static Self {
@@ -102,7 +104,8 @@ impl SrgbTable {
 }
 
 impl Composite {
-    /// The layers as an OpenEXR file holds them: `object` (premultiplied, with alpha), `shadow_ratio`, `occlusion`, and `reflection` where there is one.
+    /// Returns the layers of an OpenEXR file: `object` (premultiplied, with alpha), `shadow_ratio`, `occlusion`, and
+    /// `reflection` if present.
     pub fn channels(&self) -> Vec<ChannelGroup> {
         let groups = [
             ChannelGroup::rgb("object", &self.object),

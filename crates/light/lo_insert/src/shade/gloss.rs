@@ -1,4 +1,4 @@
-//! The objects' mirror image on the surfaces that carry them, where those are glossy.
+//! Reflection of the objects in glossy supporting surfaces.
 
 use lo_bsdf::{DIELECTRIC_F0, Ggx, fresnel};
 use lo_cone::Cone;
@@ -6,39 +6,41 @@ use lo_geometry::{Camera, Mat3, Plane, Ray, Vec3};
 use lo_imaging::Image;
 use rayon::prelude::*;
 
-use crate::light::environment::{Environment, Part};
+use crate::light::environment::{Environment, LightPart};
 use crate::light::radiosity::Radiosity;
 use crate::objects::tracing::Objects;
 use crate::pattern::hammersley;
 use crate::surface::occluders::Occluders;
 
-/// Most of a pixel's radiance that can be the reflection which the object hides.
+/// Largest share of a pixel's radiance that can be the reflection hidden by the object.
 const MAX_REFLECTED: f32 = 0.8;
 
-/// A reading this many times its depth's error from the plane belongs to something else.
+/// Largest distance of a reading from its plane, as a multiple of the depth's error.
 const ON_PLANE: f32 = 3.0;
 
-/// A polished, clear coat on each plane that carries an object: a dielectric of index 1.5.
+/// A polished, clear coat on each supporting plane: a dielectric of index 1.5.
 ///
-/// What carries several objects is known as often, each time a little differently. An object is mirrored in its own plane wherever a pixel
-/// lies on that, so that it meets its image, and else in the plane that is nearest to the pixel's reading.
+/// Objects on one surface have slightly different estimates of its plane. An object is mirrored in its own plane
+/// wherever a pixel lies on that, so that it meets its reflection, and else in the plane nearest to the pixel's
+/// reading.
 pub(crate) struct Gloss<'a> {
     pub objects: &'a Objects<'a>,
     pub environment: &'a Environment,
-    /// Of each object.
+    /// Radiosity of each object.
     pub radiosity: &'a [Radiosity],
     pub occluders: &'a Occluders,
-    /// In pixels of the photo.
+    /// Camera in pixels of the photo.
     pub camera: Camera,
     /// Perceptual roughness.
     pub roughness: f32,
-    /// Directions for each pixel.
+    /// Directions per pixel.
     pub samples: usize,
 }
 
 impl Gloss<'_> {
-    /// Radiance that the reflection adds to each pixel of the photo, which sees `seen` there: the objects' less what was mirrored in their place.
-    /// Zero where no plane is seen or none mirrors an object.
+    /// Returns the radiance that the reflection adds to each pixel of the photo, which shows `seen` there: the
+    /// objects' minus that of the reflection which they hide. It is zero where no plane is visible or none mirrors an
+    /// object.
     pub fn reflection(&self, seen: impl Fn((usize, usize)) -> Vec3 + Sync) -> Image<Vec3> {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
         let rows: Vec<Vec<Vec3>> = (0..height)
@@ -49,7 +51,7 @@ impl Gloss<'_> {
                     self.pixel((x, y), pixel, &mut cones, &mut owners);
                 }
                 let (mut samples, mut hidden) = (Vec::new(), vec![Vec3::ZERO; width]);
-                self.environment.gather(Part::Whole, &cones, &mut samples);
+                self.environment.gather(LightPart::All, &cones, &mut samples);
                 for ((x, weight), sample) in owners.into_iter().zip(&samples) {
                     hidden[x] += Vec3::from(sample.radiance) * weight;
                 }
@@ -64,12 +66,12 @@ impl Gloss<'_> {
         Image::new(width, height, rows.into_iter().flatten().collect())
     }
 
-    /// Adds the objects' part to a pixel, and asks for what they hide.
+    /// Adds the objects' reflection to a pixel, and requests cones to what they hide.
     fn pixel(&self, (x, y): (usize, usize), sum: &mut Vec3, cones: &mut Vec<Cone>, owners: &mut Vec<(usize, Vec3)>) {
         let (u, v) = (x as f64 + 0.5, y as f64 + 0.5);
         let eye = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
         let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
-        // For each object its plane, if the pixel lies on it, and how far off the reading lies.
+        // For each object its plane, if the pixel lies on it, and the distance of the reading from it.
         let on_plane = |(index, plane): (usize, Plane)| {
             let point = eye.at(plane.intersect(&eye)?);
             if plane.normal.dot(eye.direction) >= 0.0 || !self.may_mirror(&plane, point, eye.direction, &|_| true) {
@@ -93,8 +95,8 @@ impl Gloss<'_> {
         }
     }
 
-    /// What a plane shows of the objects that it `mirrors`: for each direction a cone to what they hide, the share that is mirrored, and their
-    /// radiance.
+    /// Traces a plane's reflection of the objects that it `mirrors`: for each direction the cone to what they hide,
+    /// the mirrored share, and their radiance.
     fn mirrored(
         &self,
         eye: &Ray,
@@ -121,7 +123,7 @@ impl Gloss<'_> {
                 continue;
             }
             let ray = Ray { origin, direction: frame * sample.light };
-            // The others only stand before these.
+            // Other objects only occlude these.
             let met = |&object: &usize| Some((object, self.objects.closest_of(object, &ray)?));
             let Some((object, hit)) = mirrored.iter().find_map(met) else { continue };
             let weight = fresnel(Vec3::splat(DIELECTRIC_F0), sample.v_dot_h) * sample.weight / self.samples as f32;
@@ -135,7 +137,7 @@ impl Gloss<'_> {
         }
     }
 
-    /// Whether the mirrored ray, spread by the roughness, comes near one of the objects that are `asked` for.
+    /// Returns whether the mirrored ray, widened by the roughness, comes near one of the `asked` objects.
     fn may_mirror(&self, plane: &Plane, point: Vec3, direction: Vec3, asked: &impl Fn(usize) -> bool) -> bool {
         let mirrored = direction - 2.0 * direction.dot(plane.normal) * plane.normal;
         let spread = 2.0 * self.roughness * self.roughness;

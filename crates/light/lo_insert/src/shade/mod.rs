@@ -2,7 +2,7 @@
 
 pub(crate) mod blocks;
 pub(crate) mod composite;
+pub(crate) mod fragment_material;
 pub(crate) mod gloss;
-pub(crate) mod look;
 pub(crate) mod shader;
 pub(crate) mod visibility;

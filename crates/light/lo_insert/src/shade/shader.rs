@@ -1,4 +1,4 @@
-//! From light gathered at fragments to the radiance that they send to the camera.
+//! Shading: from light gathered at fragments to their radiance towards the camera.
 
 use std::collections::HashMap;
 use std::f32::consts::PI;
@@ -11,84 +11,85 @@ use rayon::prelude::*;
 
 use crate::batches::Batches;
 use crate::light::aperture::{cone_tangent, quantised};
-use crate::light::environment::Part;
+use crate::light::environment::LightPart;
 use crate::light::gather::{Gatherer, RECEIVERS_PER_TASK, Receiver};
 use crate::pattern::hammersley;
 use crate::shade::blocks::Blocks;
-use crate::shade::look::Look;
+use crate::shade::fragment_material::FragmentMaterial;
 use crate::shade::visibility::Fragment;
 
-/// Perceptual roughness below which reflections are gathered from the whole environment, and above which light samples take over
-/// the lights; in between both are mixed. Both give the same; the first needs narrow cones, the second wide reflections.
+/// Perceptual roughness below which reflections are gathered from the whole environment, and above which light
+/// samples represent the lights; in between, both are mixed. Both are consistent; the first needs narrow cones, the
+/// second wide reflections.
 const LIGHT_SAMPLING_ROUGHNESS: (f32, f32) = (0.3, 0.5);
 
 /// Widest cone of a glossy reflection.
 const MAX_TANGENT: f32 = 0.8;
 
-/// GGX α from which on a reflection takes all specular cones.
+/// GGX α from which on a reflection uses all specular cones.
 const WIDE_ALPHA: f32 = 0.12;
 
 /// Largest reflectance at normal incidence of surfaces whose reflections neighbouring pixels may share: dielectrics.
 const FAINT_F0: f32 = 0.1;
 
-/// Perceptual roughness above which they may share them.
+/// Smallest perceptual roughness at which reflections are shared.
 const SHARED_ROUGHNESS: f32 = 0.2;
 
-/// Fragments whose reflections one task gathers; the result does not depend on it.
+/// Fragments per task when reflections are gathered; the result does not depend on it.
 const FRAGMENTS_PER_TASK: usize = 128;
 
-/// Fragments whose places differ by more than this many times the distance of neighbouring pixels' lie on different surfaces.
+/// Largest distance of neighbouring fragments on one surface, as a multiple of the pixel spacing.
 const NEIGHBOURING: f32 = 4.0;
 
-/// Index of the reflection that a cone belongs to, and its share.
-type Owner = (usize, f32);
+/// Index of a cone's reflection, and the cone's share of it.
+type ConeOwner = (usize, f32);
 
 /// Shades fragments.
 pub(crate) struct Shader<'a> {
     pub gatherer: Gatherer<'a>,
-    /// Cones per blurred reflection; 1 takes its dominant direction.
+    /// Cones per blurred reflection; with 1, its dominant direction is used.
     pub specular_cones: usize,
-    /// Pixels along the side of the blocks that share gathered diffuse light.
+    /// Side in pixels of the blocks that share gathered diffuse light.
     pub stride: usize,
 }
 
 /// One reflected direction of a fragment.
 struct Reflection {
-    /// Place of the fragment among those that are worked on together.
+    /// Index of the fragment in the current batch.
     slot: usize,
-    /// Which sample of the fragment's microfacets it is.
+    /// Index of the fragment's microfacet sample.
     sample: usize,
     direction: Vec3,
-    /// Fresnel and masking.
+    /// Fresnel and masking terms.
     weight: Vec3,
     tan_half_angle: f32,
 }
 
 impl Shader<'_> {
-    /// Radiance of each fragment towards the camera. Fragments of one pixel lie together.
+    /// Returns the radiance of each fragment towards the camera. Fragments of one pixel are adjacent.
     ///
     /// # Errors
     /// [`Cancelled`].
     pub fn shade(&self, fragments: &[Fragment], on_event: OnEvent<'_>) -> Result<Vec<Vec3>, Cancelled> {
-        let looks: Vec<Look> = fragments
+        let materials: Vec<FragmentMaterial> = fragments
             .par_iter()
             .map(|f| {
                 let bsdf = MetallicRoughness::new(Vec3::from(f.point.base_color), f.point.metallic, f.point.roughness);
                 let faint = bsdf.f0.max_element() < FAINT_F0 && f.point.roughness > SHARED_ROUGHNESS;
                 let diffuse = bsdf.diffuse != Vec3::ZERO;
                 let gloss = sampled_share(f.point.roughness) > 0.0;
-                Look { bsdf, shares_reflection: self.stride > 1 && faint, diffuse, gloss }
+                FragmentMaterial { bsdf, shares_reflection: self.stride > 1 && faint, diffuse, gloss }
             })
             .collect();
-        let blocks = Blocks::new(fragments, &looks, self.stride);
-        let receivers: Vec<Receiver> = blocks.sources.iter().map(|&i| receiver(&fragments[i], &looks[i])).collect();
-        // Reflections: of every fragment, or of the sources of those that share.
+        let blocks = Blocks::new(fragments, &materials, self.stride);
+        let receivers: Vec<Receiver> = blocks.sources.iter().map(|&i| receiver(&fragments[i], &materials[i])).collect();
+        // Reflections are gathered at every fragment, or at the sources only for those that share.
         let mut is_source = vec![false; fragments.len()];
         for &i in &blocks.sources {
             is_source[i] = true;
         }
         let wanted: Vec<usize> = (0..fragments.len())
-            .filter(|&i| !fragments[i].point.unlit && (is_source[i] || !looks[i].shares_reflection))
+            .filter(|&i| !fragments[i].point.unlit && (is_source[i] || !materials[i].shares_reflection))
             .collect();
         let mut batches = Batches::new(on_event, Stage::Shading, receivers.len() + wanted.len());
         let cones = self.gatherer.directions.len();
@@ -99,7 +100,9 @@ impl Shader<'_> {
         let means = batches.each(wanted.len(), self.specular_cones, FRAGMENTS_PER_TASK, |range| {
             let spreads = spreads[range.clone()].par_chunks(FRAGMENTS_PER_TASK);
             let chunks = wanted[range].par_chunks(FRAGMENTS_PER_TASK).zip(spreads);
-            chunks.flat_map_iter(|(chunk, spreads)| self.reflected_means(chunk, spreads, fragments, &looks)).collect()
+            chunks
+                .flat_map_iter(|(chunk, spreads)| self.reflected_means(chunk, spreads, fragments, &materials))
+                .collect()
         })?;
         let mut reflected = vec![Vec3::ZERO; fragments.len()];
         for (&i, mean) in wanted.iter().zip(means) {
@@ -112,8 +115,8 @@ impl Shader<'_> {
                 if point.unlit {
                     return Vec3::from(point.base_color);
                 }
-                let light = blocks.light_of(i, fragments, &looks, &gathered, &reflected);
-                let (bsdf, n_dot_v) = (&looks[i].bsdf, n_dot_v(&fragments[i]));
+                let light = blocks.light_of(i, fragments, &materials, &gathered, &reflected);
+                let (bsdf, n_dot_v) = (&materials[i].bsdf, n_dot_v(&fragments[i]));
                 let diffuse =
                     bsdf.diffuse * specular_transmittance(bsdf.f0, n_dot_v) * light.irradiance * (point.occlusion / PI);
                 let specular = light.reflected * specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
@@ -123,13 +126,20 @@ impl Shader<'_> {
         Ok(shaded)
     }
 
-    /// Mean radiance that the specular layer of each of the `chosen` fragments reflects, without what light samples carry.
-    fn reflected_means(&self, chosen: &[usize], spreads: &[f32], fragments: &[Fragment], looks: &[Look]) -> Vec<Vec3> {
+    /// Returns the mean radiance that the specular layer of each `chosen` fragment reflects, without the light
+    /// samples.
+    fn reflected_means(
+        &self,
+        chosen: &[usize],
+        spreads: &[f32],
+        fragments: &[Fragment],
+        materials: &[FragmentMaterial],
+    ) -> Vec<Vec3> {
         let mut reflections: Vec<Reflection> = Vec::with_capacity(chosen.len() * self.specular_cones);
         for (slot, &i) in chosen.iter().enumerate() {
-            self.reflections(slot, &fragments[i], &looks[i].bsdf, spreads[slot], &mut reflections);
+            self.reflections(slot, &fragments[i], &materials[i].bsdf, spreads[slot], &mut reflections);
         }
-        // Cones of one aperture next to each other; the sort is stable, so the order does not depend on anything else.
+        // Cones of one aperture are adjacent. The sort is stable, so the order is deterministic.
         reflections.sort_by(|a, b| a.tan_half_angle.total_cmp(&b.tan_half_angle).then(a.sample.cmp(&b.sample)));
         let radiance = self.reflected(chosen, fragments, &reflections);
         let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); chosen.len()];
@@ -138,7 +148,8 @@ impl Shader<'_> {
             *light += radiance * reflection.weight;
             *weight += reflection.weight;
         }
-        // The mean over the samples is multiplied by the layer's exact albedo: a uniform environment comes out right with any number of cones.
+        // The mean over the samples times the layer's exact albedo: a uniform environment is exact with any number of
+        // cones.
         sums.iter()
             .map(|&(light, weight)| {
                 Vec3::select(weight.cmpgt(Vec3::splat(1e-9)), light / weight.max(Vec3::splat(1e-9)), Vec3::ZERO)
@@ -146,7 +157,8 @@ impl Shader<'_> {
             .collect()
     }
 
-    /// `spread`: tangent of the half-angle of what a pixel reflects because the surface is curved.
+    /// Adds the reflected directions of a fragment. `spread` is the half-angle tangent of a pixel's reflection due to
+    /// the surface's curvature.
     fn reflections(
         &self,
         slot: usize,
@@ -164,7 +176,7 @@ impl Shader<'_> {
             let smooth = 1.0 - alpha;
             let lean = smooth * (smooth.sqrt() + alpha);
             let direction = above(normal.lerp(mirror, lean).normalize_or(normal), point.geometric_normal);
-            // The top-hat cone that is as dense as the reflection's peak, 1 / (4 π α²) seen along the normal.
+            // The top-hat cone with the density of the reflection's peak, 1 / (4 π α²) seen along the normal.
             let tan_half_angle = quantised(cone_tangent(4.0 * PI * alpha * alpha).max(spread).min(MAX_TANGENT));
             out.push(Reflection { slot, sample: 0, direction, weight: Vec3::ONE, tan_half_angle });
             return;
@@ -173,7 +185,7 @@ impl Shader<'_> {
             (fragment.view - normal * normal.dot(fragment.view)).normalize_or(normal.any_orthonormal_vector());
         let frame = Mat3::from_cols(tangent, normal.cross(tangent), normal);
         let view = Vec3::new((1.0 - n_dot_v * n_dot_v).max(0.0).sqrt(), 0.0, n_dot_v);
-        // A narrow reflection is filled by few cones.
+        // Few cones are enough for a narrow reflection.
         let count = (self.specular_cones as f32 * (alpha / WIDE_ALPHA).min(1.0)).ceil().max(3.0) as usize;
         for i in 0..count {
             let GgxSample { light: direction, v_dot_h, weight, pdf_per_sr } = ggx.sample(view, hammersley(i, count));
@@ -191,12 +203,12 @@ impl Shader<'_> {
         }
     }
 
-    /// Radiance from each reflected direction: an object, or the environment.
+    /// Returns the radiance from each reflected direction: of an object, or of the environment.
     fn reflected(&self, chosen: &[usize], fragments: &[Fragment], reflections: &[Reflection]) -> Vec<Vec3> {
         let gatherer = &self.gatherer;
         let mut radiance = vec![Vec3::ZERO; reflections.len()];
-        // What is asked of the environment: with its lights, and without.
-        let mut asked: [(Vec<Cone>, Vec<Owner>); 2] = Default::default();
+        // Requests to the environment: with its lights, and without.
+        let mut asked: [(Vec<Cone>, Vec<ConeOwner>); 2] = Default::default();
         let mut apexes = Vec::new();
         for (i, reflection) in reflections.iter().enumerate() {
             let point = &fragments[chosen[reflection.slot]].point;
@@ -225,10 +237,10 @@ impl Shader<'_> {
             }
         }
         let mut samples = Vec::new();
-        for (part, (cones, owners)) in [Part::Whole, Part::Dimmed].into_iter().zip(&mut asked) {
+        for (part, (cones, owners)) in [LightPart::All, LightPart::Rest].into_iter().zip(&mut asked) {
             match part {
-                Part::Whole => gatherer.environment.gather_reflected(&apexes, cones, &mut samples),
-                Part::Dimmed => gatherer.environment.gather(part, cones, &mut samples),
+                LightPart::All => gatherer.environment.gather_reflected(&apexes, cones, &mut samples),
+                LightPart::Rest => gatherer.environment.gather(part, cones, &mut samples),
             }
             for ((cone, sample), &mut (i, share)) in cones.iter().zip(&samples).zip(owners) {
                 let object = fragments[chosen[reflections[i].slot]].object;
@@ -239,15 +251,15 @@ impl Shader<'_> {
     }
 }
 
-/// Of each of the `wanted` fragments, the tangent of half the angle between the directions that it and the fragments of the neighbouring pixels reflect
-/// (ray differentials, Igehy 1999): what one pixel of a curved mirror shows.
+/// Returns for each `wanted` fragment half of the angle, as a tangent, between its reflected direction and those of
+/// neighbouring pixels (ray differentials, Igehy 1999): the footprint of a pixel on a curved mirror.
 fn spreads(fragments: &[Fragment], wanted: &[usize]) -> Vec<f32> {
     let first: HashMap<(usize, usize), usize> =
         fragments.iter().enumerate().rev().map(|(i, fragment)| (fragment.pixel, i)).collect();
     let spread = |&i: &usize| {
         let own = &fragments[i];
         let (x, y) = own.pixel;
-        // A mirror that turns by an angle turns what it reflects by twice that; half of it is the cone's.
+        // A mirror rotated by an angle rotates its reflection by twice that; half of it is the cone's half-angle.
         let turned = |pixel: Option<(usize, usize)>| {
             let other = &fragments[*first.get(&pixel?)?];
             let apart_m = (other.point.position - own.point.position).length();
@@ -270,23 +282,23 @@ fn n_dot_v(fragment: &Fragment) -> f32 {
     fragment.point.shading_normal.dot(fragment.view).clamp(MIN_COSINE, 1.0)
 }
 
-fn receiver(fragment: &Fragment, look: &Look) -> Receiver {
+fn receiver(fragment: &Fragment, material: &FragmentMaterial) -> Receiver {
     let point = &fragment.point;
-    if point.unlit || !look.gathers() {
+    if point.unlit || !material.gathers() {
         return Receiver::dark();
     }
-    let gloss = look.gloss.then_some((fragment.view, look.bsdf));
+    let gloss = material.gloss.then_some((fragment.view, material.bsdf));
     let (position, normal, geometric_normal) = (point.position, point.shading_normal, point.geometric_normal);
-    Receiver { object: fragment.object, position, normal, geometric_normal, diffuse: look.diffuse, gloss }
+    Receiver { object: fragment.object, position, normal, geometric_normal, diffuse: material.diffuse, gloss }
 }
 
-/// Share of the lights' highlight that comes from light samples.
+/// Returns the share of the lights' highlight that comes from light samples.
 fn sampled_share(roughness: f32) -> f32 {
     let (low, high) = LIGHT_SAMPLING_ROUGHNESS;
     smoothstep(low, high, roughness)
 }
 
-/// A direction that does not go into the triangle that it starts from.
+/// Clamps a direction to the front side of its triangle.
 fn above(direction: Vec3, geometric_normal: Vec3) -> Vec3 {
     let depth = geometric_normal.dot(direction);
     if depth >= 0.01 {

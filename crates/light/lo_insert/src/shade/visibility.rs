@@ -1,4 +1,4 @@
-//! Which parts of the objects the photo shows: sub-pixel coverage, transparent layers, and the photo's own surfaces in front.
+//! Visibility of the objects in the photo: sub-pixel coverage, transparent layers, and real surfaces in front.
 
 use lo_geometry::{Camera, Ray, Vec2, Vec3};
 use lo_mesh::SurfacePoint;
@@ -9,23 +9,23 @@ use crate::objects::tracing::{ObjectHit, Objects};
 use crate::pattern::hammersley;
 use crate::surface::occluders::Occluders;
 
-/// Side of the square tiles that one task renders.
+/// Side in pixels of the square tiles that one task renders.
 pub(crate) const TILE: usize = 32;
 
-/// Layers of transparent objects that a ray goes through.
+/// Transparent layers that a ray passes.
 const MAX_LAYERS: usize = 8;
 
-/// Shading points of one pixel.
+/// Largest number of shading points per pixel.
 const MAX_FRAGMENTS: usize = 6;
 
 /// A visible piece of an object within one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fragment {
-    /// Which object.
+    /// Index of the object.
     pub object: usize,
     /// Pixel column and row.
     pub pixel: (usize, usize),
-    /// Share of the pixel that it covers, after everything in front of it.
+    /// Share of the pixel that it covers, behind everything in front of it.
     pub weight: f32,
     /// Unit vector towards the camera.
     pub view: Vec3,
@@ -34,25 +34,26 @@ pub(crate) struct Fragment {
     normal: Vec3,
 }
 
-/// What a tile shows of the objects.
+/// Visible fragments of a tile.
 #[derive(Debug, Default)]
 pub(crate) struct TileView {
     pub fragments: Vec<Fragment>,
     pub hidden: Vec<Hidden>,
 }
 
-/// Where real surfaces hide an object.
+/// Hidden part of an object in a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hidden {
     pub pixel: (usize, usize),
-    /// Share of the pixel.
+    /// Hidden share of the pixel.
     pub share: f32,
     /// The object, or the farthest of several.
     pub object: usize,
 }
 
-/// `count` places in a pixel, in [0, 1)²; the most central first, because the first one that meets a surface is shaded, then
-/// each as far as can be from those before it, so that the first half covers the pixel too.
+/// Returns `count` positions in a pixel, in [0, 1)². The most central is first, because the first one that meets a
+/// surface is shaded. Each other is as far as possible from those before it, so that the first half also covers the
+/// pixel.
 pub(crate) fn coverage_pattern(count: usize) -> Vec<Vec2> {
     let mut places: Vec<Vec2> = (0..count).map(|i| hammersley(i, count)).collect();
     for next in 0..count {
@@ -68,50 +69,52 @@ pub(crate) fn coverage_pattern(count: usize) -> Vec<Vec2> {
     places
 }
 
-/// Where pixels are content with fewer samples.
+/// Condition under which pixels use fewer samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Thrift {
-    /// Nowhere.
+pub(crate) enum AdaptiveCoverage {
+    /// Never.
     None,
-    /// Where the first half of the samples show the same.
+    /// If the first half of the samples agree.
     HalfAgree,
-    /// One sample where the neighbours show about the same; what is thinner than a pixel may be missed.
+    /// One sample if the neighbours are similar; parts thinner than a pixel may be missed.
     InsideOutline,
 }
 
 /// Casts the camera's rays.
-pub(crate) struct Viewer<'a> {
-    /// In pixels of the photo.
+pub(crate) struct RayCaster<'a> {
+    /// Camera in pixels of the photo.
     pub camera: Camera,
     pub objects: &'a Objects<'a>,
     pub occluders: &'a Occluders,
-    /// For each object that can be seen the shares of it that are hidden along the edges of those.
+    /// Matte of each visible object: its hidden shares along the edges of occluders.
     pub mattes: &'a [Option<Matte>],
-    /// Places of the samples within a pixel, see [`coverage_pattern`].
+    /// Positions of the samples within a pixel, see [`coverage_pattern`].
     pub samples: &'a [Vec2],
-    pub thrift: Thrift,
+    pub adaptive_coverage: AdaptiveCoverage,
 }
 
-/// What the ray through a pixel's centre meets, for comparison with its neighbours.
+/// Result of the ray through a pixel's centre, for comparison with its neighbours.
 #[derive(Clone, Copy)]
-struct Probe {
+struct CentreSample {
     met: ObjectHit,
     ray: Ray,
     depth_m: f32,
-    /// Share that real surfaces hide.
+    /// Share hidden by real surfaces.
     hidden: f32,
 }
 
-impl Viewer<'_> {
-    /// The tile of pixels from `(left, top)` on, ending at `(right, bottom)` at the latest.
+impl RayCaster<'_> {
+    /// Renders the tile of pixels from `(left, top)` to `(right, bottom)`, exclusive.
     pub fn tile(&self, (left, top, right, bottom): (usize, usize, usize, usize)) -> TileView {
         let mut view = TileView::default();
         let (columns, rows) = (right - left, bottom - top);
         let stride = columns + 2;
-        let by_neighbours = self.thrift == Thrift::InsideOutline;
-        let probes: Vec<Option<Probe>> = if by_neighbours {
+        let by_neighbours = self.adaptive_coverage == AdaptiveCoverage::InsideOutline;
+        let probes: Vec<Option<CentreSample>> = if by_neighbours {
             (0..stride * (rows + 2))
-                .map(|i| self.probe(left as f64 + (i % stride) as f64 - 0.5, top as f64 + (i / stride) as f64 - 0.5))
+                .map(|i| {
+                    self.centre_sample(left as f64 + (i % stride) as f64 - 0.5, top as f64 + (i / stride) as f64 - 0.5)
+                })
                 .collect()
         } else {
             Vec::new()
@@ -131,10 +134,10 @@ impl Viewer<'_> {
                         .all(alike);
                 match probes[centre] {
                     _ if !uniform => self.pixel(pixel, self.samples.len(), &mut view),
-                    Some(Probe { met, hidden: 1.0, .. }) => {
+                    Some(CentreSample { met, hidden: 1.0, .. }) => {
                         view.hidden.push(Hidden { pixel, share: 1.0, object: met.object });
                     }
-                    Some(Probe { met, ray, hidden, .. }) if !self.objects[met.object].has_blend => {
+                    Some(CentreSample { met, ray, hidden, .. }) if !self.objects[met.object].has_blend => {
                         let first = view.fragments.len();
                         self.add_fragment(pixel, &ray, &met, 1.0 - hidden, first, &mut view);
                         if hidden > 0.0 {
@@ -149,20 +152,20 @@ impl Viewer<'_> {
         view
     }
 
-    fn probe(&self, u: f64, v: f64) -> Option<Probe> {
+    fn centre_sample(&self, u: f64, v: f64) -> Option<CentreSample> {
         let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
         let met = self.objects.seen(&ray, 0.0)?;
         let point = ray.at(met.hit.distance_m);
         let edge = self.edge(met.object, (u as usize, v as usize));
         let hidden = edge.unwrap_or_else(|| self.hidden(met.object, u, v, point));
-        Some(Probe { met, ray, depth_m: -point.z, hidden })
+        Some(CentreSample { met, ray, depth_m: -point.z, hidden })
     }
 
     fn pixel(&self, pixel: (usize, usize), samples: usize, view: &mut TileView) {
         let first = view.fragments.len();
         let (mut hidden, mut hidden_object) = (0.0, 0);
         for i in 0..samples {
-            if self.thrift == Thrift::HalfAgree
+            if self.adaptive_coverage == AdaptiveCoverage::HalfAgree
                 && 2 * i == samples
                 && self.agree(i, samples, hidden, &mut view.fragments[first..])
             {
@@ -174,7 +177,8 @@ impl Viewer<'_> {
             let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
             let mut free = 1.0 / samples as f32;
             let mut from_m = 0.0;
-            // Share that soft edges have hidden so far. An edge lies before all layers of an object, and of those behind it.
+            // Share hidden by soft edges so far. An edge is in front of all layers of an object and of those behind
+            // it.
             let mut behind_edge = 0.0f32;
             for _ in 0..MAX_LAYERS {
                 let Some(met) = self.objects.seen(&ray, from_m) else { break };
@@ -207,12 +211,13 @@ impl Viewer<'_> {
         }
     }
 
-    /// Share of a pixel that real surfaces hide of an object along a soft edge; `None` where depth alone tells.
+    /// Returns the share of a pixel in which real surfaces hide an object along a soft edge; `None` where depth alone
+    /// decides.
     fn edge(&self, object: usize, pixel: (usize, usize)) -> Option<f32> {
         self.mattes[object].as_ref()?.hidden(pixel)
     }
 
-    /// 1 where by depth real surfaces hide an object's point, seen at photo position `(u, v)`; else 0.
+    /// Returns 1 if, by depth, real surfaces hide an object's point at photo position `(u, v)`; else 0.
     fn hidden(&self, object: usize, u: f64, v: f64, point: Vec3) -> f32 {
         let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
         let support = self.objects[object].support.as_ref();
@@ -220,8 +225,8 @@ impl Viewer<'_> {
         if hides { 1.0 } else { 0.0 }
     }
 
-    /// Whether the first `done` of a pixel's samples show the same: nothing, something hidden, or one opaque surface, whose
-    /// weight then stands for all samples.
+    /// Returns whether the first `done` of a pixel's samples agree: nothing, something hidden, or one opaque surface,
+    /// whose weight then counts for all samples.
     fn agree(&self, done: usize, samples: usize, hidden: f32, own: &mut [Fragment]) -> bool {
         let all = done as f32 / samples as f32 - 1e-4;
         match own {
@@ -234,8 +239,8 @@ impl Viewer<'_> {
         }
     }
 
-    /// Adds to a fragment of the same pixel that looks about the same, or makes a new one; returns the share of the pixel, of the
-    /// `free` one, that it covers.
+    /// Adds coverage to a similar fragment of the same pixel, or to a new one. Returns the share of the pixel that it
+    /// covers, out of the `free` one.
     fn add_fragment(
         &self,
         pixel: (usize, usize),
@@ -274,7 +279,7 @@ impl Viewer<'_> {
     }
 }
 
-/// Whether any pixel's ray meets an object, whatever stands before it.
+/// Returns whether any pixel's ray meets an object, regardless of occluders.
 pub(crate) fn is_in_view(camera: &Camera, object: &Object, window: (usize, usize, usize, usize)) -> bool {
     let (left, top, right, bottom) = window;
     let meets = |x: usize, y: usize| {
@@ -284,7 +289,7 @@ pub(crate) fn is_in_view(camera: &Camera, object: &Object, window: (usize, usize
     (top..bottom).any(|y| (left..right).any(|x| meets(x, y)))
 }
 
-/// Photo pixels `(left, top, right, bottom)`, the last two exclusive, outside of which the object is not seen.
+/// Returns the photo pixels `(left, top, right, bottom)`, the last two exclusive, that contain the whole object.
 pub(crate) fn seen_window(camera: &Camera, object: &Object) -> Option<(usize, usize, usize, usize)> {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     let corners = object.corners();
@@ -293,7 +298,7 @@ pub(crate) fn seen_window(camera: &Camera, object: &Object) -> Option<(usize, us
     }
     let (mut low, mut high) = ((f64::INFINITY, f64::INFINITY), (f64::NEG_INFINITY, f64::NEG_INFINITY));
     for corner in corners {
-        // Partly behind the camera: anywhere in the picture.
+        // Partly behind the camera: it may be anywhere in the image.
         let Some((u, v, _)) = camera.project(corner).filter(|(_, _, z)| *z > 1e-3) else {
             return Some((0, 0, camera.width as usize, camera.height as usize));
         };
@@ -310,7 +315,7 @@ pub(crate) fn seen_window(camera: &Camera, object: &Object) -> Option<(usize, us
     (window.0 < window.2 && window.1 < window.3).then_some(window)
 }
 
-fn alike(a: Option<Probe>, b: Option<Probe>) -> bool {
+fn alike(a: Option<CentreSample>, b: Option<CentreSample>) -> bool {
     match (a, b) {
         (None, None) => true,
         (Some(a), Some(b)) => {

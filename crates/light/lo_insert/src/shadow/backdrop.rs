@@ -1,32 +1,32 @@
-//! The room as it is seen past the object.
+//! The room behind an object as seen from real surfaces.
 //!
-//! What an object hides from real surfaces lies behind it, so one picture of the room from the object's middle tells it for all of
-//! them. It is read between its texels and by parallax: a change of place changes it smoothly, and no receiver traces cones of its
-//! own.
+//! An object hides the room behind it from real surfaces. One image of the room from the object's centre serves all
+//! of them. It is interpolated and corrected for parallax: it changes smoothly with position, and receivers need no
+//! cones of their own.
 
 use lo_cone::{Cone, ConeSample};
 use lo_geometry::{Vec2, Vec3};
 use lo_imaging::Image;
 use rayon::prelude::*;
 
-use crate::light::environment::{Environment, Part};
-use crate::surface::seen_surfaces::bilinear;
+use crate::light::environment::{Environment, LightPart};
+use crate::surface::observed_surfaces::bilinear;
 
-/// Distances beyond this count as this, in metres; those of a map at infinity too.
+/// Largest distance, metres; also used for a map at infinity.
 const FARTHEST_M: f32 = 1e4;
 
-/// Texels that one task traces.
+/// Texels per task.
 const TEXELS_PER_TASK: usize = 256;
 
 /// An octahedral map (Cigolle et al. 2014) of radiance and distance around one point.
 pub(crate) struct Backdrop {
     centre_m: Vec3,
-    /// With a border of one texel that repeats what lies beyond the fold.
+    /// Texels, with a border of one that repeats those beyond the fold.
     texels: Image<(Vec3, f32)>,
 }
 
 impl Backdrop {
-    /// The light that the light samples do not carry, seen from `centre_m`, in `side` × `side` texels.
+    /// Renders the light without the light samples from `centre_m`, in `side` × `side` texels.
     pub fn new(environment: &Environment, centre_m: Vec3, side: usize) -> Self {
         let tan_half_angle = (4.0 / (side * side) as f32).sqrt();
         let cones: Vec<Cone> = (0..side * side)
@@ -39,11 +39,11 @@ impl Backdrop {
             .par_chunks(TEXELS_PER_TASK)
             .flat_map_iter(|cones| {
                 let mut samples = Vec::new();
-                environment.gather(Part::Dimmed, cones, &mut samples);
+                environment.gather(LightPart::Rest, cones, &mut samples);
                 samples
             })
             .collect();
-        // Across an edge of the square the map goes on mirrored about the middle of that edge.
+        // Across an edge of the square, the map continues mirrored about the middle of that edge.
         let folded = |at: usize| match at {
             0 => (0, true),
             at if at > side => (side - 1, true),
@@ -59,13 +59,14 @@ impl Backdrop {
         Self { centre_m, texels }
     }
 
-    /// Radiance of the room that arrives at `origin` from `direction`, as if nothing but the object were between it and what the
-    /// object's middle sees.
+    /// Returns the room's radiance that arrives at `origin` from `direction`, as if only the object were between it
+    /// and the surface seen from the object's centre.
     pub fn radiance(&self, origin: Vec3, direction: Vec3) -> Vec3 {
         let offset = origin - self.centre_m;
         let along_m = -offset.dot(direction);
         let beside_squared = (offset.length_squared() - along_m * along_m).max(0.0);
-        // The ray meets the room where it is as far from the middle as the room is in that direction (fixed-point steps).
+        // The ray meets the room where its distance from the centre equals the room's in that direction (fixed-point
+        // steps).
         let mut seen = direction;
         for _ in 0..2 {
             let distance_m = self.at(seen).1;
@@ -77,7 +78,7 @@ impl Backdrop {
 
     fn at(&self, direction: Vec3) -> (Vec3, f32) {
         let side = self.texels.width() - 2;
-        // Texel centres of the bordered image lie one further.
+        // Texel centres of the bordered image are shifted by one.
         let place = (folded(direction) * 0.5 + 0.5) * side as f32 + 0.5;
         let taps = bilinear(place.x, place.y, side + 2, side + 2);
         taps.iter().fold((Vec3::ZERO, 0.0), |sum, &(x, y, weight)| {
@@ -87,20 +88,20 @@ impl Backdrop {
     }
 }
 
-/// Place of a direction in the octahedral square [-1, 1]².
+/// Maps a direction to the octahedral square [-1, 1]².
 fn folded(direction: Vec3) -> Vec2 {
     let d = direction / direction.abs().element_sum();
     if d.z >= 0.0 { Vec2::new(d.x, d.y) } else { (1.0 - Vec2::new(d.y, d.x).abs()) * sign(Vec2::new(d.x, d.y)) }
 }
 
-/// Unit direction at a place in the octahedral square.
+/// Maps a position in the octahedral square to a unit direction.
 fn unfolded(place: Vec2) -> Vec3 {
     let z = 1.0 - place.abs().element_sum();
     let xy = if z >= 0.0 { place } else { (1.0 - Vec2::new(place.y, place.x).abs()) * sign(place) };
     Vec3::new(xy.x, xy.y, z).normalize()
 }
 
-/// 1 or −1 for each component.
+/// Returns 1 or −1 for each component.
 fn sign(v: Vec2) -> Vec2 {
     Vec2::ONE.copysign(v)
 }
@@ -118,10 +119,10 @@ mod tests {
         }
     }
 
-    /// A backdrop of a closed form instead of an octree.
+    /// Creates a backdrop from a closed form instead of an octree.
     fn of(centre_m: Vec3, side: usize, seen: impl Fn(Vec3) -> (Vec3, f32)) -> Backdrop {
         let texels = Image::from_fn(side + 2, side + 2, |x, y| {
-            // Beyond the border the formula of the fold holds as well: mirrored places are the same directions.
+            // The fold's formula also holds beyond the border: mirrored positions are equal directions.
             let place = Vec2::new(x as f32 - 0.5, y as f32 - 0.5) / side as f32 * 2.0 - 1.0;
             let mirrored = |a: f32, b: f32| match a {
                 a if a > 1.0 => (2.0 - a, -b),
@@ -137,7 +138,7 @@ mod tests {
 
     #[test]
     fn rays_see_the_room_at_their_own_place() {
-        // A spherical room of radius 3 about the world's origin whose radiance is 1 + the point it is read at.
+        // A spherical room of radius 3 about the world's origin whose radiance is 1 + its position.
         let centre_m = Vec3::new(0.5, -0.8, 0.2);
         let meet = |origin: Vec3, direction: Vec3| {
             let along = origin.dot(direction);

@@ -3,22 +3,22 @@ use std::f32::consts::{PI, TAU};
 use lo_geometry::{Mat3, Vec3};
 
 use crate::objects::object::Object;
+use crate::surface::observed_surfaces::Surface;
 use crate::surface::receivers::PATTERNS;
-use crate::surface::seen_surfaces::Surface;
 
-/// The cap of directions from a surface point that holds the whole object.
+/// The spherical cap of directions from a surface point that contains the whole object.
 pub(crate) struct Cap {
     axis: Vec3,
     cos_half_angle: f32,
 }
 
 impl Cap {
-    /// `None` where all of it lies below the surface.
+    /// Returns the cap; `None` if it is completely below the surface.
     pub fn towards(object: &Object, surface: &Surface) -> Option<Self> {
         let offset = object.centre_m - surface.position_m;
         let (distance_m, radius_m) = (offset.length(), object.radius_m);
         let axis = offset / distance_m.max(1e-9);
-        // Beyond a right angle from inside of the bounding sphere, up to the whole sphere at its centre.
+        // Beyond a right angle inside of the bounding sphere, up to the whole sphere at its centre.
         let cos_half_angle = if distance_m > radius_m {
             (1.0 - (radius_m / distance_m).powi(2)).sqrt()
         } else {
@@ -33,16 +33,16 @@ impl Cap {
         TAU * (1.0 - self.cos_half_angle)
     }
 
-    /// Upper bound of the share of the irradiance that comes from the cap.
+    /// Returns an upper bound of the cap's share of the irradiance.
     pub fn share(&self, surface: &Surface) -> f32 {
         let sin = (1.0 - self.cos_half_angle * self.cos_half_angle).max(0.0).sqrt();
         self.solid_angle_sr() / PI * (surface.normal.dot(self.axis) + sin).clamp(0.0, 1.0)
     }
 
-    /// The first `count` directions of a pattern. They are spread evenly for every `count`, alone and together with those of the
-    /// other patterns (R₂ sequence, Roberts 2018).
+    /// Returns the first `count` directions of a pattern. They are spread evenly for every `count`, alone and
+    /// together with those of the other patterns (R₂ sequence, Roberts 2018).
     pub fn directions(&self, count: usize, pattern: usize, normal: Vec3) -> impl Iterator<Item = Vec3> {
-        // Turned along with the surface, not with the world's axes: no direction jumps while the object moves.
+        // Oriented by the surface, not by the world's axes: no direction jumps while the object moves.
         let side = self.axis.cross(normal);
         let side = if side.length_squared() > 1e-6 { side.normalize() } else { self.axis.any_orthonormal_vector() };
         let basis = Mat3::from_cols(side, self.axis.cross(side), self.axis);

@@ -1,9 +1,12 @@
-//! Differential rendering (Debevec 1998): what the objects take from and give to the light on real surfaces.
+//! Differential rendering (Debevec 1998): the effect of objects on the light of real surfaces.
 //!
-//! For a real surface point the photo's value is multiplied by `(E − Δ) / E`, with the irradiance E of the room without the object
-//! (`irradiance`) and `Δ = ∫ over the directions that meet an object of (what was seen there − what the object gives off) cos θ dω`,
-//! and the same for the light samples that it hides. Of several objects each counts where a direction meets it first. What was seen there tells the [`Backdrop`]. [`Change::ratio`] keeps the
-//! two in what a real occluder can do where the octree knows less of the light than the photo shows.
+//! At a real surface point, the photo's value is multiplied by `(E − Δ) / E`. E is the room's irradiance without the
+//! object (`irradiance`), and `Δ = ∫ over the directions that meet an object of (radiance seen there before −
+//! radiance of the object) cos θ dω`, plus the light samples that it hides. With several objects, each counts where a
+//! direction meets it first. The radiance seen before comes from the [`Backdrop`].
+//!
+//! [`ShadowTerms::ratio`] keeps the ratio physically plausible where the octree contains less light than the photo
+//! shows.
 
 use std::f32::consts::PI;
 use std::ops::{Add, Mul};
@@ -15,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::batches::Batches;
 use crate::light::environment::{Environment, LightRay};
-use crate::light::irradiance::{Lit, RoomIrradiance};
+use crate::light::irradiance::{RoomIrradiance, SurfaceIrradiance};
 use crate::light::radiosity::Radiosity;
 use crate::light::samples::Incidence;
 use crate::objects::tracing::Objects;
@@ -24,10 +27,10 @@ use crate::shadow::backdrop::Backdrop;
 use crate::shadow::cap::Cap;
 use crate::shadow::ratio::ShadowRatio;
 use crate::shadow::silhouette::Silhouettes;
+use crate::surface::observed_surfaces::{Surface, SurfaceMap};
 use crate::surface::receivers::{PATTERNS, Receivers, pattern_at};
-use crate::surface::seen_surfaces::{Surface, SurfaceMap};
 
-/// Real surfaces as receivers of shadow, with the light that they get without the object.
+/// Real surfaces as receivers of shadow, with their irradiance without the object.
 pub(crate) struct ShadowField {
     receivers: Receivers,
     irradiance: RoomIrradiance,
@@ -37,43 +40,43 @@ pub(crate) struct ShadowField {
     negligible: f32,
 }
 
-/// The objects as real surfaces see them.
+/// The objects as shadow casters.
 pub(crate) struct Caster<'a> {
     pub objects: &'a Objects<'a>,
     pub environment: &'a Environment,
-    /// Of each object.
+    /// Silhouettes of each object.
     pub silhouettes: &'a [Silhouettes],
-    /// Of each object.
+    /// Backdrop of each object.
     pub backdrops: &'a [Backdrop],
-    /// What each object gives off; nothing where it is not known.
+    /// Radiosity of each object, if already computed.
     pub radiosity: Option<&'a [Radiosity]>,
 }
 
-/// An object that is near enough to a real surface to change its light.
-struct Near {
+/// An object near enough to a real surface to change its light.
+struct AffectingObject {
     object: usize,
-    /// Where rays from the surface against the object start.
+    /// Start of rays from the surface against the object.
     start: Vec3,
-    /// Below 1 where its effect fades out.
+    /// Fade factor; below 1 where its effect fades out.
     strength: f32,
 }
 
-/// What objects do to the irradiance of a real surface.
+/// Changes that objects make to the irradiance of a real surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Change {
-    /// Hidden light of the room without its lights.
+struct ShadowTerms {
+    /// Hidden irradiance of the room without its lights.
     ambient: Vec3,
-    /// The same if what is behind each object were as bright as it is behind the one with the brightest.
+    /// Hidden irradiance if the room behind each object were as bright as behind the brightest one.
     brightest: Vec3,
-    /// Hidden light of the light samples.
+    /// Hidden irradiance of the light samples.
     lights: Vec3,
-    /// What the objects give off.
+    /// Irradiance from the objects.
     given: Vec3,
     /// Form factor of the objects: their cosine-weighted share of the hemisphere, in [0, 1].
     form_factor: f32,
 }
 
-impl Add for Change {
+impl Add for ShadowTerms {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
@@ -87,7 +90,7 @@ impl Add for Change {
     }
 }
 
-impl Mul<f32> for Change {
+impl Mul<f32> for ShadowTerms {
     type Output = Self;
 
     fn mul(self, factor: f32) -> Self {
@@ -101,13 +104,14 @@ impl Mul<f32> for Change {
     }
 }
 
-impl Change {
-    /// Irradiance with the objects by that without them.
+impl ShadowTerms {
+    /// Returns the irradiance with the objects divided by that without them.
     ///
-    /// Where less light is known than they hide, or than the surface gives off, more is there than was known: light that is
-    /// hidden was there before, what no light sample carries is nowhere brighter than [`lo_lights::CAP`] times its mean, and what is
-    /// missing comes as the rest does. What one object tells of the room counts beside all others, so that shadows add up.
-    fn ratio(&self, lit: &Lit) -> Vec3 {
+    /// If less light is known than the objects hide, or than the surface emits, the known irradiance is raised:
+    /// hidden light was there before, light without samples is nowhere brighter than [`lo_lights::CAP`] times its
+    /// mean, and missing light is distributed like the rest. The brightness behind one object also counts beside all
+    /// others, so that shadows add up.
+    fn ratio(&self, lit: &SurfaceIrradiance) -> Vec3 {
         let form_factor = self.form_factor.clamp(0.0, 1.0);
         let seen_past = (1.0 - form_factor) / (lo_lights::CAP * form_factor.max(1e-6));
         let ambient = lit.ambient.max(self.ambient + self.brightest * seen_past);
@@ -119,7 +123,7 @@ impl Change {
 }
 
 impl ShadowField {
-    /// Of a room with the given up and floor.
+    /// Creates the field of a room with the given up and floor.
     pub fn new(map: SurfaceMap, up: Vec3, floor: Option<Plane>, counts: &Counts) -> Self {
         let receivers = Receivers::new(map, up, floor);
         let (cones, lights) = (counts.background_cones, counts.background_lights);
@@ -127,7 +131,7 @@ impl ShadowField {
         Self { receivers, irradiance, cones, lights, negligible: counts.negligible }
     }
 
-    /// Computes the irradiance without objects of all pixels now, so that no frame has to.
+    /// Computes the irradiance without objects of all pixels in advance.
     pub fn prepare(&self, environment: &Environment) {
         let (width, height) = (self.receivers.width(), self.receivers.height());
         let all = Image::new(width, height, vec![true; width * height]);
@@ -136,7 +140,7 @@ impl ShadowField {
         self.irradiance.complete(&self.receivers, environment, &all, &mut batches).expect("nobody cancels");
     }
 
-    /// The ratio with the objects; a stage of its own.
+    /// Computes the ratio with the objects, as a stage of its own.
     pub fn ratio(&self, caster: &Caster, stage: Stage, on_event: OnEvent<'_>) -> Result<ShadowRatio<'_>, Cancelled> {
         let (width, height) = (self.receivers.width(), self.receivers.height());
         stage_of_steps(on_event, stage.clone(), |on_event| {
@@ -146,7 +150,7 @@ impl ShadowField {
         })
     }
 
-    /// The ratio with the objects where a coarser one is not smooth; elsewhere that one, interpolated.
+    /// Computes the ratio where a coarser one is not smooth; elsewhere that one is interpolated.
     pub fn refined(
         &self,
         coarse: &ShadowRatio<'_>,
@@ -176,7 +180,7 @@ impl ShadowField {
         })
     }
 
-    /// The ratio of the `wanted` pixels, in place of what `ratio` has there.
+    /// Computes the ratio of the `wanted` pixels and replaces those of `ratio`.
     fn ratio_where(
         &self,
         wanted: &Image<bool>,
@@ -189,14 +193,14 @@ impl ShadowField {
         let rows = batches.each(height, width * self.cones, 1, |rows| {
             rows.into_par_iter().map(|y| self.change_row(y, caster, &sampled)).collect::<Vec<_>>()
         })?;
-        // Rows in which nothing is sampled are empty; these images are the largest that a picture takes.
+        // Rows without samples are empty; these images are the largest of a rendering.
         let mut changes = Vec::with_capacity(width * height);
         for (y, row) in rows.into_iter().enumerate() {
             changes.extend(row);
-            changes.resize((y + 1) * width, Change::default());
+            changes.resize((y + 1) * width, ShadowTerms::default());
         }
         let changes = Image::new(width, height, changes);
-        let changed = widened(&changes, |change| *change != Change::default());
+        let changed = widened(&changes, |change| *change != ShadowTerms::default());
         let needed = Image::from_fn(width, height, |x, y| wanted[(x, y)] && changed[(x, y)]);
         self.irradiance.complete(&self.receivers, caster.environment, &needed, batches)?;
         ratio.pixels_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -207,13 +211,13 @@ impl ShadowField {
         Ok(ShadowRatio::new(&self.receivers, ratio))
     }
 
-    /// The change of those pixels of a row that are to be sampled, each by one pattern; empty where there is none.
-    fn change_row(&self, y: usize, caster: &Caster, sampled: &Image<bool>) -> Vec<Change> {
+    /// Computes the changes of a row's `sampled` pixels, each by one pattern; empty without any.
+    fn change_row(&self, y: usize, caster: &Caster, sampled: &Image<bool>) -> Vec<ShadowTerms> {
         let width = self.receivers.width();
         if !(0..width).any(|x| sampled[(x, y)]) {
             return Vec::new();
         }
-        let mut changes = vec![Change::default(); width];
+        let mut changes = vec![ShadowTerms::default(); width];
         let (mut rays, mut ray_owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
         let mut near = Vec::new();
         for (x, change) in changes.iter_mut().enumerate().filter(|&(x, _)| sampled[(x, y)]) {
@@ -223,14 +227,14 @@ impl ShadowField {
             let mut brightest = Vec3::ZERO;
             for (index, object) in caster.objects.iter().enumerate() {
                 let Some(cap) = Cap::towards(object, &surface) else { continue };
-                // Effects fade out where they are too small to be seen, and nothing is computed beyond.
+                // Effects fade out where they are negligible; nothing is computed beyond.
                 let share = cap.share(&surface);
                 let strength = (share / self.negligible - 1.0).clamp(0.0, 1.0);
                 if strength <= 0.0 {
                     continue;
                 }
                 let start = surface.position_m + surface.normal * (1e-3 * object.radius_m);
-                let of_object = Near { object: index, start, strength };
+                let of_object = AffectingObject { object: index, start, strength };
                 let hidden = self.hidden_room(caster, &surface, &of_object, &cap, pattern);
                 brightest = brightest.max(hidden.ambient * (strength / hidden.form_factor.max(1e-6)));
                 *change = *change + hidden * strength;
@@ -249,7 +253,7 @@ impl ShadowField {
                 }
                 // Each object takes its share of what the others leave.
                 let (mut weight, mut left) = (0.0, 1.0);
-                for &Near { object, start, strength } in &near {
+                for &AffectingObject { object, start, strength } in &near {
                     let silhouettes = &caster.silhouettes[object];
                     let blocked = silhouettes.blocked(pattern, i, surface.position_m).unwrap_or_else(|| {
                         let ray = Ray { origin: start, direction: incidence.direction };
@@ -273,15 +277,22 @@ impl ShadowField {
         changes
     }
 
-    /// The change by one object without that of the light samples.
-    fn hidden_room(&self, caster: &Caster, surface: &Surface, near: &Near, cap: &Cap, pattern: usize) -> Change {
-        let &Near { object, start, .. } = near;
-        // The error of a few directions in a small cap is small. The last one counts in part, so that nothing jumps where their
-        // number changes.
+    /// Computes the change by one object without that of the light samples.
+    fn hidden_room(
+        &self,
+        caster: &Caster,
+        surface: &Surface,
+        near: &AffectingObject,
+        cap: &Cap,
+        pattern: usize,
+    ) -> ShadowTerms {
+        let &AffectingObject { object, start, .. } = near;
+        // A few directions in a small cap have a small error. The last one counts in part, so that nothing jumps when
+        // their number changes.
         let cones = self.cones as f32;
         let count = (cones * 2.0 * cap.share(surface)).clamp(0.25 * cones, cones);
         let solid_angle = cap.solid_angle_sr() / count;
-        let mut change = Change::default();
+        let mut change = ShadowTerms::default();
         for (i, direction) in cap.directions(count.ceil() as usize, pattern, surface.normal).enumerate() {
             let cosine = surface.normal.dot(direction);
             if cosine <= 0.0 {
@@ -298,16 +309,16 @@ impl ShadowField {
                 None => continue,
             };
             let (ambient, given) = (caster.backdrops[object].radiance(start, direction) * weight, given * weight);
-            change = change + Change { ambient, given, form_factor: weight / PI, ..Change::default() };
+            change = change + ShadowTerms { ambient, given, form_factor: weight / PI, ..ShadowTerms::default() };
         }
         change
     }
 
-    /// The ratio, by the mean change over the neighbourhood.
-    fn filtered(&self, changes: &Image<Change>, x: usize, y: usize) -> Vec3 {
+    /// Computes the ratio from the mean change over the neighbourhood.
+    fn filtered(&self, changes: &Image<ShadowTerms>, x: usize, y: usize) -> Vec3 {
         let Some(lit) = self.irradiance.at(y * self.receivers.width() + x) else { return Vec3::ONE };
         let (change, total) = self.receivers.filtered(changes, x, y);
-        if change == Change::default() {
+        if change == ShadowTerms::default() {
             return Vec3::ONE;
         }
         let ratio = (change * (1.0 / total)).ratio(&lit).min(Vec3::splat(16.0));
@@ -315,7 +326,7 @@ impl ShadowField {
     }
 }
 
-/// Where the 5 × 5 window around a pixel holds one that is `set`.
+/// Returns whether the 5 × 5 window around each pixel has one that is `set`.
 fn widened<T>(image: &Image<T>, set: impl Fn(&T) -> bool) -> Image<bool> {
     let (width, height) = (image.width(), image.height());
     let along_x =
@@ -333,29 +344,29 @@ mod tests {
         prop::array::uniform3(0.0..max).prop_map(Vec3::from)
     }
 
-    fn change() -> impl Strategy<Value = Change> {
-        (colour(5.0), colour(20.0), colour(2.0), 0.0f32..1.0).prop_map(|(ambient, lights, given, form_factor)| Change {
-            ambient,
-            brightest: ambient,
-            lights,
-            given,
-            form_factor,
+    fn change() -> impl Strategy<Value = ShadowTerms> {
+        (colour(5.0), colour(20.0), colour(2.0), 0.0f32..1.0).prop_map(|(ambient, lights, given, form_factor)| {
+            ShadowTerms { ambient, brightest: ambient, lights, given, form_factor }
         })
     }
 
-    fn lit() -> impl Strategy<Value = Lit> {
-        (colour(5.0), colour(20.0), colour(10.0)).prop_map(|(ambient, lights, least)| Lit { ambient, lights, least })
+    fn lit() -> impl Strategy<Value = SurfaceIrradiance> {
+        (colour(5.0), colour(20.0), colour(10.0)).prop_map(|(ambient, lights, least)| SurfaceIrradiance {
+            ambient,
+            lights,
+            least,
+        })
     }
 
     proptest! {
-        /// Whatever is known of the light: between fully lit and what of the ambient light comes past the object.
+        /// Whatever light is known, the result is between fully lit and the ambient light that passes the object.
         #[test]
         fn receivers_stay_between_lit_and_ambient(change in change(), lit in lit()) {
-            let ratio = Change { given: Vec3::ZERO, ..change }.ratio(&lit);
+            let ratio = ShadowTerms { given: Vec3::ZERO, ..change }.ratio(&lit);
             let past = (1.0 - change.form_factor) / (1.0 + (lo_lights::CAP - 1.0) * change.form_factor);
             for c in 0..3 {
                 let lights = lit.lights[c].max(change.lights[c]);
-                // At least what is seen past the object is there beside the lights.
+                // At least the light seen past the object remains beside the lights.
                 let ambient = lit.ambient[c].max(lit.least[c] - lights).max(change.ambient[c] / (1.0 - past).max(1e-3));
                 let least = past * ambient / (ambient + lights).max(1e-9);
                 prop_assert!(ratio[c] <= 1.0 + 1e-5 && ratio[c] >= least - 1e-4, "{ratio} {least}");
@@ -363,24 +374,24 @@ mod tests {
             prop_assert!(change.ratio(&lit).cmpge(ratio).all(), "bounced light only adds");
         }
 
-        /// Where all light is known it is (E − Δ) / E.
+        /// If all light is known, the ratio is (E − Δ) / E.
         #[test]
         fn known_light_is_subtracted(lit in lit(), hidden in 0.0f32..0.99, blocked in 0.0f32..1.0, given in colour(1.0)) {
-            let lit = Lit { ambient: lit.ambient + 0.01, least: Vec3::ZERO, ..lit };
+            let lit = SurfaceIrradiance { ambient: lit.ambient + 0.01, least: Vec3::ZERO, ..lit };
             // As bright as the mean where it is hidden.
             let ambient = lit.ambient * hidden;
-            let change = Change { ambient, brightest: ambient, lights: lit.lights * blocked, given, form_factor: hidden };
+            let change = ShadowTerms { ambient, brightest: ambient, lights: lit.lights * blocked, given, form_factor: hidden };
             let all = lit.ambient + lit.lights;
             let expected = (all - change.ambient - change.lights + given) / all;
             prop_assert!((change.ratio(&lit) - expected).abs().max_element() < 1e-3);
         }
 
-        /// White light leaves no coloured rim, however much of it is missing.
+        /// White light leaves no coloured fringe, however much of it is missing.
         #[test]
         fn white_light_gives_grey_shadows(values in prop::array::uniform6(0.0f32..10.0), form_factor in 0.0f32..1.0) {
             let [ambient, lights, least, hidden, blocked, given] = values.map(Vec3::splat);
-            let change = Change { ambient: hidden, brightest: hidden, lights: blocked, given, form_factor };
-            let ratio = change.ratio(&Lit { ambient, lights, least });
+            let change = ShadowTerms { ambient: hidden, brightest: hidden, lights: blocked, given, form_factor };
+            let ratio = change.ratio(&SurfaceIrradiance { ambient, lights, least });
             prop_assert!(ratio.max_element() - ratio.min_element() < 1e-5);
         }
     }

@@ -1,51 +1,53 @@
 use lo_geometry::Vec3;
 use lo_imaging::Image;
 
+use crate::surface::observed_surfaces::bilinear;
 use crate::surface::receivers::{Receivers, SAME_SURFACE};
-use crate::surface::seen_surfaces::bilinear;
 
-/// Factors that differ by less than this need no look at the surfaces that they belong to: half a level of an 8-bit picture.
+/// Largest difference between factors that are interpolated regardless of surfaces: half a level of an 8-bit image.
 const ALIKE: f32 = 0.004;
 
-/// Second differences up to here are smooth: what is interpolated is then wrong by less than a hundredth of the photo's value.
+/// Largest second difference of a smooth factor; interpolation errors are then below a hundredth of the photo's
+/// value.
 const MAX_BEND: f32 = 0.006;
 
-/// Pixels of a neighbourhood without an edge in it, see [`Receivers::neighbours`].
+/// Pixels of a neighbourhood without an edge, see [`Receivers::neighbours`].
 const FULL_NEIGHBOURHOOD: usize = 25;
 
-/// Pixels around a place that are looked through for its surface.
+/// Radius in pixels of the search for a point's surface.
 const WIDE: usize = 2;
 
-/// Weight below which no pixel counts as on a surface.
+/// Smallest weight of pixels on a surface.
 const MIN_ON_SURFACE: f32 = 0.02;
 
-/// The factor that an object's shadow and bounced light put on each pixel of some [`Receivers`].
+/// Factor of the objects' shadow and bounced light on each pixel of some [`Receivers`].
 pub(crate) struct ShadowRatio<'a> {
     receivers: &'a Receivers,
     ratio: Image<Vec3>,
-    /// How to read between each pixel, the next one, and the two below.
+    /// Interpolation between each pixel, the next one, and the two below.
     blends: Image<Blend>,
 }
 
-/// How the factors of four neighbouring pixels are mixed.
+/// Interpolation of the factors of four neighbouring pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Blend {
-    /// All are 1.
+    /// All factors are 1.
     One,
-    /// They are alike: by place alone.
+    /// They are similar: bilinear.
     ByPlace,
-    /// By place and by the surface that is seen there.
+    /// Bilinear, weighted by the surface that is seen there.
     BySurface,
 }
 
 impl<'a> ShadowRatio<'a> {
-    /// With the factor of each pixel.
+    /// Creates the ratio from the factor of each pixel.
     pub fn new(receivers: &'a Receivers, ratio: Image<Vec3>) -> Self {
         let blends = Image::from_fn(ratio.width(), ratio.height(), |x, y| blend(&ratio, x, y));
         Self { receivers, ratio, blends }
     }
 
-    /// Where a bilinear look-up is not good enough for a finer grid: where the factor bends, or changes across an edge.
+    /// Returns where a bilinear lookup is not accurate enough for a finer grid: where the factor bends, or changes
+    /// across an edge.
     pub fn rough(&self) -> Image<bool> {
         let (width, height) = (self.ratio.width(), self.ratio.height());
         let rough = Image::from_fn(width, height, |x, y| {
@@ -63,14 +65,15 @@ impl<'a> ShadowRatio<'a> {
             bend.iter().any(|bend| bend.abs().max_element() > MAX_BEND)
                 || changes && self.receivers.neighbours(x, y, 1).count() < FULL_NEIGHBOURHOOD.min(width * height)
         });
-        // A look-up between pixels takes the next one too.
+        // A lookup between pixels also reads the next one.
         Image::from_fn(width, height, |x, y| {
             (y.saturating_sub(1)..(y + 2).min(height))
                 .any(|py| (x.saturating_sub(1)..(x + 2).min(width)).any(|px| rough[(px, py)]))
         })
     }
 
-    /// Pixels `(left, top, right, bottom)`, the last two exclusive, of a photo of the given size outside of which the factor is 1.
+    /// Returns the photo pixels `(left, top, right, bottom)`, the last two exclusive, outside of which the factor is
+    /// 1.
     pub fn reach(&self, width: usize, height: usize) -> (usize, usize, usize, usize) {
         let (columns, rows) = (self.ratio.width(), self.ratio.height());
         let (mut left, mut top, mut right, mut bottom) = (columns, rows, 0, 0);
@@ -82,13 +85,13 @@ impl<'a> ShadowRatio<'a> {
                 (top, bottom) = (top.min(y), y + 1);
             }
         }
-        // A pixel looks at the four around it: up to one beyond on each side.
+        // A pixel reads the four around it: up to one beyond on each side.
         let low = |at: usize, from: usize, to: usize| at.saturating_sub(1) * to / from;
         let high = |at: usize, from: usize, to: usize| ((at + 1) * to).div_ceil(from).min(to);
         (low(left, columns, width), low(top, rows, height), high(right, columns, width), high(bottom, rows, height))
     }
 
-    /// The factor on the real surface at a world point; 1 where the photo does not see it.
+    /// Returns the factor on the real surface at a world point; 1 if the photo does not show it.
     pub fn at(&self, point: Vec3) -> Vec3 {
         let map = &self.receivers.map;
         let (width, height) = (map.width(), map.height());
@@ -105,7 +108,7 @@ impl<'a> ShadowRatio<'a> {
         taps.iter().map(|&(x, y, weight)| factor(x, y) * weight).sum()
     }
 
-    /// The factor for a photo pixel at relative position `(u, v)` with the real surface `seen` there.
+    /// Returns the factor for a photo pixel at relative position `(u, v)` with the real surface `seen` there.
     pub fn for_photo(&self, u: f32, v: f32, seen: impl FnOnce() -> Option<Vec3>) -> Vec3 {
         let (width, height) = (self.ratio.width(), self.ratio.height());
         let taps = bilinear(u * width as f32 - 0.5, v * height as f32 - 0.5, width, height);
@@ -117,7 +120,7 @@ impl<'a> ShadowRatio<'a> {
         let Some(point) = seen() else {
             return taps.iter().map(|&(x, y, weight)| self.ratio[(x, y)] * weight).sum();
         };
-        // Beside an edge none of the four may lie on the surface that is seen, but one further off.
+        // Near an edge, none of the four may lie on the visible surface, but one further off.
         let (x, y) = (taps[0].0, taps[0].1);
         let near = taps.into_iter();
         let wide = || {
@@ -128,7 +131,7 @@ impl<'a> ShadowRatio<'a> {
         self.on_surface(near, point).or_else(|| self.on_surface(wide(), point)).unwrap_or(Vec3::ONE)
     }
 
-    /// Mean factor of those pixels that lie on the surface of a point; `None` where hardly one does.
+    /// Returns the mean factor of the pixels on a point's surface; `None` if there are hardly any.
     fn on_surface(&self, taps: impl Iterator<Item = (usize, usize, f32)>, point: Vec3) -> Option<Vec3> {
         let mut sum = (Vec3::ZERO, 0.0);
         for (x, y, weight) in taps {
@@ -136,7 +139,7 @@ impl<'a> ShadowRatio<'a> {
             let off_plane_m = surface.normal.dot(point - surface.position_m);
             let tolerance_m = SAME_SURFACE * self.receivers.map.depth_m[(x, y)];
             let closeness = tolerance_m * tolerance_m / (tolerance_m * tolerance_m + off_plane_m * off_plane_m);
-            // A little weight for every tap keeps the sum away from zero.
+            // A small weight for every tap keeps the sum away from zero.
             let weight = (weight + 1e-4) * (closeness * closeness) * (closeness * closeness);
             sum.0 += self.ratio[(x, y)] * weight;
             sum.1 += weight;

@@ -1,7 +1,7 @@
-//! The object seen from each light sample, as small shadow maps (Williams 1978, filtered as by Reeves et al. 1987).
+//! The object seen from each light sample, as small shadow maps (Williams 1978, filtered as in Reeves et al. 1987).
 //!
-//! They belong to the object and move with it, so the shadow of one sample has a soft edge that glides over real surfaces
-//! instead of hiding one point after the other.
+//! They move with the object, so that the shadow of one sample has a soft edge that glides over real surfaces instead
+//! of hiding one point after the other.
 
 use lo_geometry::{Ray, Vec3, orthonormal_basis};
 use rayon::prelude::*;
@@ -9,12 +9,12 @@ use rayon::prelude::*;
 use crate::light::samples::{LightSample, Lights, Origin};
 use crate::objects::object::Object;
 
-/// A light nearer to the object than this multiple of its radius needs rays of its own.
+/// Smallest distance of a light from the object for which a map is used, as a multiple of the object's radius.
 const NEAREST: f32 = 1.5;
 
 /// Shadow maps of the light samples of every pattern of [`Lights::subset`].
 pub(crate) struct Silhouettes {
-    /// By pattern and place in its subset; empty where rays are to be cast.
+    /// Maps by pattern and index in its subset; `None` if rays are to be cast.
     maps: Vec<Vec<Option<ShadowMap>>>,
 }
 
@@ -25,17 +25,17 @@ struct ShadowMap {
     right: Vec3,
     up: Vec3,
     towards: Vec3,
-    /// From the light to the plane of the map, for lights at a place.
+    /// Distance from the light to the plane of the map, for lights at finite distance.
     distance_m: f32,
     half_width_m: f32,
     side: usize,
-    /// Distance of the object along the light's rays, infinite beside it.
+    /// Distance of the object along the light's rays; infinite outside of it.
     nearest_m: Vec<f32>,
     bias_m: f32,
 }
 
 impl Silhouettes {
-    /// Maps of `side` × `side` texels for `count` samples in each of `patterns`; none with `side` 0.
+    /// Renders maps of `side` × `side` texels for `count` samples in each of `patterns`; none if `side` is 0.
     pub fn new(lights: &Lights, count: usize, patterns: usize, object: &Object, side: usize) -> Self {
         if side == 0 {
             return Self { maps: Vec::new() };
@@ -46,14 +46,15 @@ impl Silhouettes {
         Self { maps: (0..patterns).into_par_iter().map(of_pattern).collect() }
     }
 
-    /// Share of the light of sample `index` of a pattern that the object takes from a point; `None` where a ray has to tell.
+    /// Returns the share of the light of sample `index` of a pattern that the object blocks at a point; `None` if a
+    /// ray must be cast.
     pub fn blocked(&self, pattern: usize, index: usize, point: Vec3) -> Option<f32> {
         self.maps.get(pattern)?.get(index)?.as_ref().map(|map| map.blocked(point))
     }
 }
 
 impl ShadowMap {
-    /// `None` for a light within or right at the object.
+    /// Returns `None` for a light inside or very near the object.
     fn new(sample: &LightSample, object: &Object, side: usize) -> Option<Self> {
         let (origin, radius_m) = (sample.origin(), object.radius_m);
         let (towards, distance_m, half_width_m) = match origin {

@@ -1,18 +1,18 @@
-//! Steps between surfaces in a sensor's depth map, and where in the picture they lie.
+//! Steps between surfaces in a sensor's depth map, and their position in the photo.
 //!
-//! Sensors smear a step over some of their pixels, or mix both surfaces in one. Inverse depth is what they average, so that the step
-//! lies where it is half-way between both sides; between a coarse map's pixels too.
+//! Sensors smear a step over some of their pixels, or mix both surfaces in one. They average inverse depth, so that
+//! the step is where inverse depth is half-way between both sides, also between the pixels of a coarse map.
 
 use lo_geometry::Camera;
 use lo_imaging::{DepthMap, Image};
 
-/// Tangent of the angle against the line of sight from which on neighbouring readings belong to two surfaces: 80°.
+/// Slope tangent, against the line of sight, from which neighbouring readings belong to two surfaces: 80°.
 const STEEP: f32 = 6.0;
 
-/// Inverse depths that differ by less than this share are one surface, however fine the depth map's pixels are.
+/// Smallest relative difference in inverse depth of two surfaces, however fine the depth map's pixels are.
 const MIN_STEP: f32 = 0.025;
 
-/// Readings on each side that a smeared step may take.
+/// Largest number of readings on each side of a smeared step.
 const MAX_RAMP: usize = 6;
 
 /// The two surfaces at each pixel of a step.
@@ -24,7 +24,7 @@ pub(crate) struct DepthSteps {
 }
 
 impl DepthSteps {
-    /// Of a depth map at its own resolution; `camera` in its pixels.
+    /// Detects the steps of a depth map at its own resolution; `camera` is in its pixels.
     pub fn new(depth_m: &DepthMap, camera: &Camera) -> Self {
         let inverse_m = depth_m.map(|&z| if z > 0.0 { 1.0 / z } else { 0.0 });
         let pitch = (1.0 / camera.fx).max(1.0 / camera.fy) as f32;
@@ -32,17 +32,17 @@ impl DepthSteps {
         Self { has_holes: inverse_m.pixels().contains(&0.0), inverse_m, sides }
     }
 
-    /// Width and height.
+    /// Returns width and height.
     pub fn size(&self) -> (usize, usize) {
         (self.sides.width(), self.sides.height())
     }
 
-    /// Whether there is any pixel without a reading.
+    /// Returns whether any pixel has no reading.
     pub fn has_holes(&self) -> bool {
         self.has_holes
     }
 
-    /// Whether at a pixel something ends that is nearer than a depth: it belongs to the step there, or is the rim of a hole.
+    /// Returns whether a surface nearer than `depth_m` ends at a pixel: at a step there, or at the rim of a hole.
     pub fn ends_before(&self, x: usize, y: usize, depth_m: f32) -> bool {
         let nearer = |inverse: f32| inverse * depth_m > 1.0;
         if self.inverse_m[(x, y)] > 0.0 {
@@ -55,7 +55,7 @@ impl DepthSteps {
             .any(|(x, y)| x < width && nearer(self.inverse_m[(x, y)]))
     }
 
-    /// The same depths at `depth_m`'s resolution, which is that of the same map resized, with steps where they are.
+    /// Sharpens the steps of `depth_m`, which is the same map at another resolution.
     pub fn sharpened(&self, depth_m: &DepthMap) -> DepthMap {
         let (width, height) = (self.sides.width(), self.sides.height());
         let (sx, sy) = (width as f32 / depth_m.width() as f32, height as f32 / depth_m.height() as f32);
@@ -67,8 +67,8 @@ impl DepthSteps {
             let own = ((u as usize).min(width - 1), (v as usize).min(height - 1));
             let Some((near, far)) = self.sides[own] else { return depth_m[(x, y)] };
             let mut sum = (0.0, 0.0);
-            for (px, py, weight) in crate::surface::seen_surfaces::bilinear(u - 0.5, v - 0.5, width, height) {
-                // Where three surfaces meet, the third one is as near or as far as the other two.
+            for (px, py, weight) in crate::surface::observed_surfaces::bilinear(u - 0.5, v - 0.5, width, height) {
+                // Where three surfaces meet, the third one is assigned to the near or the far one.
                 let inverse = self.inverse_m[(px, py)];
                 if inverse > 0.0 {
                     sum.0 += weight * inverse.clamp(far, near);
@@ -80,7 +80,7 @@ impl DepthSteps {
     }
 }
 
-/// Near and far inverse depth of the step that a pixel is part of, along the axis on which it is steeper.
+/// Returns the near and far inverse depth of a pixel's step, along the axis on which it is steeper.
 fn sides(inverse_m: &Image<f32>, (x, y): (usize, usize), steep: f32) -> Option<(f32, f32)> {
     let own = inverse_m[(x, y)];
     if own <= 0.0 {
@@ -92,7 +92,7 @@ fn sides(inverse_m: &Image<f32>, (x, y): (usize, usize), steep: f32) -> Option<(
         Some(inverse_m[(x, y)]).filter(|&inverse| inverse > 0.0)
     };
     let threshold = steep.max(MIN_STEP);
-    // The end of the ramp in a direction in which inverse depth goes `sign`-wards.
+    // End of the ramp in a direction along which inverse depth changes with `sign`.
     let end = |dx: isize, dy: isize, sign: f32| {
         let mut last = own;
         for steps in 1..=MAX_RAMP {
@@ -125,7 +125,7 @@ mod tests {
 
     use super::*;
 
-    /// A step from 1.5 to 3 m at column `edge` of the photo, which a coarse sensor smears over some of its pixels.
+    /// A step from 1.5 to 3 m at column `edge` of the photo, smeared by a coarse sensor over some of its pixels.
     fn smeared(edge: f32, spread: f32) -> DepthMap {
         Image::from_fn(64, 48, |x, _| {
             let along = (x as f32 + 0.5) * 8.0 - edge;
@@ -142,7 +142,7 @@ mod tests {
             let steps = DepthSteps::new(&coarse, &camera);
             let sharp = steps.sharpened(&lo_imaging::resize_depth(&coarse, 512, 384));
             let first_far = (0..512).find(|&x| sharp[(x, 200)] > 2.5).unwrap();
-            // Half a photo pixel and what bilinear interpolation makes of the smear.
+            // Half a photo pixel plus the effect of bilinear interpolation on the smear.
             assert!((first_far as f32 - edge).abs() < 1.5, "{edge}: {first_far}");
             assert!((200..320).all(|x| sharp[(x, 200)] < 1.6 || sharp[(x, 200)] > 2.8), "nothing hangs in the air");
             assert!(

@@ -1,46 +1,50 @@
-//! Real surfaces where the depth map has no reading: those around go on, for a while.
+//! Hole filling: surfaces are extrapolated into regions without depth readings, up to a limited distance.
 
 use lo_geometry::{Plane, Ray, Vec3};
 use lo_imaging::Image;
 
-use crate::surface::seen_surfaces::SurfaceMap;
+use crate::surface::observed_surfaces::SurfaceMap;
 
-/// How far into a hole a surface that faces up is known, in metres: floors and tables that mirror or swallow a sensor's light go on.
+/// Reach of upward-facing surfaces into a hole, metres: floors and tables that reflect or absorb a sensor's light
+/// continue.
 const LEVEL_REACH_M: f32 = 1.0;
 
-/// How far any other is.
+/// Reach of other surfaces into a hole, metres.
 const OTHER_REACH_M: f32 = 0.15;
 
-/// A normal with at least this cosine to the room's up faces up.
+/// Smallest cosine of an upward-facing normal to the room's up.
 const LEVEL_COSINE: f32 = 0.9;
 
-/// Depths that differ by less than this share of them belong to one surface.
+/// Largest relative difference in depth within one surface.
 const SAME_SURFACE: f32 = 0.02;
 
-/// No surface goes on to less than the first or more than the second of these multiples of its reading's depth.
+/// Range of extrapolated depths, as multiples of the reading's depth.
 const DEPTH_RANGE: (f32, f32) = (0.5, 2.0);
 
-/// Fills holes ring by ring with the planes of the readings at their edges: where several meet the farther one, because sensors lose
-/// what lies beside and behind an edge. Gives how much each pixel is to be trusted: 1 at readings, falling smoothly to 0 where the
-/// surface is no longer known; there nothing is filled in.
+/// Fills holes ring by ring with the planes of the readings at their edges. Where several meet, the farther one is
+/// used, because sensors lose readings beside and behind an edge.
+///
+/// Returns the trust in each pixel: 1 at readings, falling smoothly to 0 at the end of the extrapolation. Pixels
+/// beyond are not filled.
 pub(crate) fn fill(map: &mut SurfaceMap, up: Vec3, floor: Option<Plane>) -> Image<f32> {
     let (width, height) = (map.width(), map.height());
     let mut trust = Image::from_fn(width, height, |x, y| if map.pixel(x, y).is_some() { 1.0 } else { 0.0 });
-    // The reading that a pixel goes on from; its own where it is one.
+    // The reading that a pixel is extrapolated from; a reading refers to itself.
     let mut source: Vec<u32> = (0..width * height).map(|i| i as u32).collect();
     let mut ring: Vec<(usize, usize)> = holes_beside(&trust);
     while !ring.is_empty() {
         let mut filled = Vec::new();
         for &(x, y) in &ring {
             let candidates = around(x, y, width, height).filter(|&pixel| trust[pixel] > 0.0);
-            let going_on: Vec<_> = candidates
+            let extrapolations: Vec<_> = candidates
                 .filter_map(|(px, py)| {
                     let from = source[py * width + px];
-                    Some((goes_on(map, up, floor, from as usize, x, y)?, from))
+                    Some((extrapolated(map, up, floor, from as usize, x, y)?, from))
                 })
                 .collect();
-            let farthest_m = going_on.iter().map(|(surface, _)| surface.depth_m).fold(0.0, f32::max);
-            let far = going_on.into_iter().filter(|(surface, _)| surface.depth_m > (1.0 - SAME_SURFACE) * farthest_m);
+            let farthest_m = extrapolations.iter().map(|(surface, _)| surface.depth_m).fold(0.0, f32::max);
+            let far =
+                extrapolations.into_iter().filter(|(surface, _)| surface.depth_m > (1.0 - SAME_SURFACE) * farthest_m);
             let nearest = far.min_by(|(a, _), (b, _)| a.from_reading_m.total_cmp(&b.from_reading_m));
             filled.extend(nearest.map(|best| ((x, y), best)));
         }
@@ -58,17 +62,24 @@ pub(crate) fn fill(map: &mut SurfaceMap, up: Vec3, floor: Option<Plane>) -> Imag
     trust
 }
 
-/// A surface that goes on into a hole.
+/// A surface extrapolated into a hole.
 #[derive(Clone, Copy)]
-struct Extended {
+struct Extrapolation {
     depth_m: f32,
     normal: Vec3,
     trust: f32,
     from_reading_m: f32,
 }
 
-/// The plane of reading `from` at pixel `(x, y)`, as far as it reaches.
-fn goes_on(map: &SurfaceMap, up: Vec3, floor: Option<Plane>, from: usize, x: usize, y: usize) -> Option<Extended> {
+/// Extrapolates the plane of reading `from` to pixel `(x, y)`, within its reach.
+fn extrapolated(
+    map: &SurfaceMap,
+    up: Vec3,
+    floor: Option<Plane>,
+    from: usize,
+    x: usize,
+    y: usize,
+) -> Option<Extrapolation> {
     let reading = map.pixel(from % map.width(), from / map.width())?;
     let reading_m = -reading.position_m.z;
     let level = reading.normal.dot(up) > LEVEL_COSINE;
@@ -83,9 +94,9 @@ fn goes_on(map: &SurfaceMap, up: Vec3, floor: Option<Plane>, from: usize, x: usi
     }
     let reach_m = if level { LEVEL_REACH_M } else { OTHER_REACH_M };
     let from_reading_m = position_m.distance(reading.position_m);
-    // Full for the first half.
+    // Full trust for the first half.
     let t = (2.0 - 2.0 * from_reading_m / reach_m).min(1.0);
-    (t > 0.0).then_some(Extended { depth_m, normal: plane.normal, trust: t * t * (3.0 - 2.0 * t), from_reading_m })
+    (t > 0.0).then_some(Extrapolation { depth_m, normal: plane.normal, trust: t * t * (3.0 - 2.0 * t), from_reading_m })
 }
 
 fn holes_beside(trust: &Image<f32>) -> Vec<(usize, usize)> {
@@ -96,7 +107,7 @@ fn holes_beside(trust: &Image<f32>) -> Vec<(usize, usize)> {
         .collect()
 }
 
-/// The up to eight neighbours of a pixel.
+/// Returns the up to eight neighbours of a pixel.
 fn around(x: usize, y: usize, width: usize, height: usize) -> impl Iterator<Item = (usize, usize)> {
     let rows = y.saturating_sub(1)..(y + 2).min(height);
     rows.flat_map(move |py| (x.saturating_sub(1)..(x + 2).min(width)).map(move |px| (px, py)))
@@ -110,7 +121,7 @@ mod tests {
 
     use super::*;
 
-    /// A floor 1 m below a camera that looks down by 45°, without readings where `hole` says so.
+    /// A floor 1 m below a camera pitched down by 45°, with holes where `hole` is true.
     fn floor_with(hole: impl Fn(usize, usize) -> bool) -> (SurfaceMap, Plane) {
         let camera = Camera::from_hfov_deg(60.0, 48, 36).unwrap();
         let normal = Vec3::new(0.0, 1.0, 1.0).normalize();

@@ -1,7 +1,7 @@
-//! Real surfaces as the depth map shows them.
+//! Real surfaces from the depth map.
 
 pub(crate) mod depth_steps;
 pub(crate) mod holes;
+pub(crate) mod observed_surfaces;
 pub(crate) mod occluders;
 pub(crate) mod receivers;
-pub(crate) mod seen_surfaces;

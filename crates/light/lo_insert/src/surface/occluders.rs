@@ -1,25 +1,25 @@
-//! The real surfaces that may stand before an object.
+//! Real surfaces that may hide an object.
 
 use lo_geometry::{Camera, Plane, Vec3};
 use lo_scene::Frame;
 
 use crate::surface::depth_steps::DepthSteps;
-use crate::surface::seen_surfaces::{Surface, SurfaceMap};
+use crate::surface::observed_surfaces::{Surface, SurfaceMap};
 
-/// Long side at which the photo's depth hides the object; above it, a depth pixel serves several photo pixels.
+/// Largest long side of the depth used for occlusion; for larger photos, one depth pixel covers several photo pixels.
 const LONG_SIDE: usize = 2048;
 
-/// A real surface hides what lies behind its tangent plane by more than this: depth noise must not bite into an object that
-/// touches it. Metres, and metres per metre of depth.
+/// Smallest distance of hidden points behind a surface's tangent plane: metres, and metres per metre of depth. It
+/// keeps depth noise from hiding parts of an object that touches the surface.
 const BIAS: (f32, f32) = (0.004, 0.005);
 
-/// The same where depth was predicted: floors and desks are wavy then.
+/// Smallest distance where depth is predicted: predicted floors and desks are wavy.
 const PREDICTED_BIAS: (f32, f32) = (0.01, 0.025);
 
-/// Real surfaces of the photo as occluders; positions in the photo are relative ones, in [0, 1]².
+/// Real surfaces of the photo as occluders. Photo positions are relative, in [0, 1]².
 pub(crate) struct Occluders {
     map: SurfaceMap,
-    /// At the depth map's own resolution.
+    /// Steps at the depth map's own resolution.
     steps: DepthSteps,
     bias: (f32, f32),
     /// Photo pixels along the side of a depth pixel, at least 1.
@@ -27,7 +27,7 @@ pub(crate) struct Occluders {
 }
 
 impl Occluders {
-    /// Of a frame's depth, whose `surfaces` have the normals; `predicted` where the depth is no measurement.
+    /// Prepares a frame's depth with the normals of `surfaces`; `predicted` if the depth is not measured.
     pub fn new(surfaces: &SurfaceMap, frame: &Frame, predicted: bool) -> Self {
         let steps = DepthSteps::new(&frame.depth_m, &frame.depth_camera());
         let map = surfaces.resampled_with(frame, LONG_SIDE, |depth_m| steps.sharpened(depth_m));
@@ -35,28 +35,28 @@ impl Occluders {
         Self { map, steps, bias: if predicted { PREDICTED_BIAS } else { BIAS }, depth_pixel }
     }
 
-    /// The surface seen at a place of the photo; `None` at holes.
+    /// Returns the surface at a photo position; `None` at holes.
     pub fn at(&self, u: f64, v: f64) -> Option<Surface> {
         self.map.at(u, v)
     }
 
-    /// Depth of what is seen there; `None` at holes.
+    /// Returns the depth at a photo position; `None` at holes.
     pub fn depth_m(&self, u: f64, v: f64) -> Option<f32> {
         self.map.reading_m(u, v)
     }
 
-    /// Depth pixels of steps and holes.
+    /// Returns the depth steps and holes.
     pub fn steps(&self) -> &DepthSteps {
         &self.steps
     }
 
-    /// What depth may be off by at a depth.
+    /// Returns the possible error of a depth.
     pub fn bias_m(&self, depth_m: f32) -> f32 {
         self.bias.0 + self.bias.1 * depth_m
     }
 
-    /// Whether a real surface carries a point of an object whose up is `up`: `None` where something stands before that place, or nothing
-    /// is known.
+    /// Returns whether a real surface supports a point of an object whose up is `up`; `None` if the point is occluded
+    /// or there is no reading.
     pub fn carries(&self, camera: &Camera, point: Vec3, up: Vec3) -> Option<bool> {
         let (u, v, z) = camera.project(point)?;
         let surface = self.at(u / f64::from(camera.width), v / f64::from(camera.height))?;
@@ -67,8 +67,8 @@ impl Occluders {
         (-surface.position_m.z > z as f32 - bias_m).then_some(false)
     }
 
-    /// Whether a real surface stands before a point, seen at photo position `(u, v)`, of an object that stands on `support`. Holes
-    /// hide nothing.
+    /// Returns whether a real surface hides a point, at photo position `(u, v)`, of an object that rests on
+    /// `support`. Holes hide nothing.
     pub fn hides(&self, u: f64, v: f64, point: Vec3, support: Option<&Plane>) -> bool {
         if -point.z < self.map.depth_before_m(u, v) {
             return false;
@@ -82,7 +82,7 @@ impl Occluders {
         if surface.normal.dot(point - surface.position_m) > -bias_m {
             return false;
         }
-        // The surface that carries the object cannot hide what stands on it, however noisy its depth.
+        // The supporting surface cannot hide an object on it, however noisy its depth is.
         let on_support = |plane: &Plane| {
             plane.signed_distance_m(surface.position_m).abs() < 3.0 * bias_m && plane.signed_distance_m(point) > -bias_m
         };

@@ -5,35 +5,36 @@ use lo_geometry::{Plane, Vec3};
 use lo_imaging::Image;
 
 use crate::surface::holes;
-use crate::surface::seen_surfaces::{Surface, SurfaceMap};
+use crate::surface::observed_surfaces::{Surface, SurfaceMap};
 
-/// Patterns of the interleaving (Keller and Heidrich 2001): the pixels of a 4 × 4 block use as many disjoint sample patterns, and a
-/// filter over [`Receivers::neighbours`] takes each in equal parts on a plane, which leaves no pattern and no noise.
+/// Number of interleaved sample patterns (Keller and Heidrich 2001). The pixels of a 4 × 4 block use disjoint
+/// patterns. On a plane, a filter over [`Receivers::neighbours`] weights them equally, which leaves neither pattern
+/// nor noise.
 pub(crate) const PATTERNS: usize = 16;
 
-/// Order in which a 4 × 4 block uses the patterns: neighbours differ much (Bayer 1973).
+/// Order of the patterns in a 4 × 4 block: neighbours differ strongly (Bayer 1973).
 const BAYER: [usize; PATTERNS] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
 
-/// Points further from a pixel's tangent plane than this share of its depth belong to another surface.
+/// Largest distance of a surface's points from a pixel's tangent plane, as a share of its depth.
 pub(crate) const SAME_SURFACE: f32 = 0.02;
 
-/// Real surfaces that light falls on, on a pixel grid of their own.
+/// Real surfaces that receive light, on their own pixel grid.
 pub(crate) struct Receivers {
     pub map: SurfaceMap,
     pub surfaces: Image<Option<Surface>>,
-    /// How much a surface is to be trusted: 1 at a reading, less where one goes on into a hole.
+    /// Trust in each surface: 1 at a reading, less where one is extrapolated into a hole.
     pub trust: Image<f32>,
-    /// For each pixel the places of the 5 × 5 around it that are [`Receivers::neighbours`]; 0: not asked for yet.
+    /// For each pixel, a bit mask of its [`Receivers::neighbours`] in the 5 × 5 around it; 0 if not computed yet.
     masks: Vec<AtomicU32>,
 }
 
-/// The sample pattern of the pixel in column `x` and row `y` of an interleaved grid.
+/// Returns the sample pattern of the pixel in column `x` and row `y` of an interleaved grid.
 pub(crate) fn pattern_at(x: usize, y: usize) -> usize {
     BAYER[(y % 4) * 4 + x % 4]
 }
 
 impl Receivers {
-    /// With holes of the map filled, see [`holes`].
+    /// Creates receivers, with holes of the map filled; see [`holes`].
     pub fn new(mut map: SurfaceMap, up: Vec3, floor: Option<Plane>) -> Self {
         let trust = holes::fill(&mut map, up, floor);
         let surfaces = Image::from_fn(map.width(), map.height(), |x, y| map.pixel(x, y));
@@ -49,8 +50,8 @@ impl Receivers {
         self.map.height()
     }
 
-    /// The pixels on the same surface among the 5 × 5 around `(x, y)` on the grid of every `stride`-th pixel, with weights: the
-    /// outer ones count half, so each pattern weighs the same, 1 in sum.
+    /// Returns the pixels on the same surface among the 5 × 5 around `(x, y)` on the grid of every `stride`-th pixel,
+    /// with weights. The outer ones count half, so that all patterns have equal weight; the sum is 1.
     pub fn neighbours(&self, x: usize, y: usize, stride: usize) -> impl Iterator<Item = (usize, usize, f32)> {
         let centre = self.surfaces[(x, y)];
         let tolerance_m = SAME_SURFACE * self.map.depth_m[(x, y)];
@@ -68,8 +69,8 @@ impl Receivers {
         })
     }
 
-    /// Weighted sum of an image over the [`Receivers::neighbours`] of a pixel, and the sum of their weights. Who they are is kept for
-    /// the next frame.
+    /// Returns the weighted sum of an image over the [`Receivers::neighbours`] of a pixel, and the sum of their
+    /// weights. The neighbours are cached for the next frame.
     pub fn filtered<T>(&self, image: &Image<T>, x: usize, y: usize) -> (T, f32)
     where
         T: Copy + Default + Add<Output = T> + Mul<f32, Output = T>,
@@ -81,7 +82,7 @@ impl Receivers {
             for (px, py, _) in self.neighbours(x, y, 1) {
                 places |= 1 << ((py + 2 - y) * 5 + px + 2 - x);
             }
-            // Another thread sets the same.
+            // Other threads store the same value.
             mask.store(places, Ordering::Relaxed);
         }
         let (mut sum, mut total) = (T::default(), 0.0);
@@ -96,7 +97,7 @@ impl Receivers {
     }
 }
 
-/// Weight of the neighbour at an offset of up to two pixels.
+/// Returns the weight of the neighbour at an offset of up to two pixels.
 fn weight_at(dx: isize, dy: isize) -> f32 {
     let along = |offset: isize| if offset.abs() == 2 { 0.25 } else { 0.5 };
     0.25 * along(dx) * along(dy)

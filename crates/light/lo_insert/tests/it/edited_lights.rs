@@ -1,4 +1,4 @@
-//! Added and edited lights on an object and in its shadow, in a room of known radiance.
+//! Tests of added and edited lights on an object and in its shadow, in a room of known radiance.
 
 use std::f32::consts::PI;
 use std::sync::OnceLock;
@@ -31,7 +31,7 @@ fn radiance(p: Vec3) -> [f32; 3] {
     if lamp { [12.0; 3] } else { [0.4; 3] }
 }
 
-/// The photo shows the floor and the wall behind it.
+/// A room whose photo shows the floor and the back wall.
 fn scene() -> LitScene {
     static SCENE: OnceLock<LitScene> = OnceLock::new();
     SCENE.get_or_init(new_scene).clone()
@@ -50,14 +50,14 @@ fn new_scene() -> LitScene {
     let seen = |x: usize, y: usize| wall(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5));
     let photo = Photo::Linear(Image::from_fn(WIDTH, HEIGHT, |x, y| radiance(seen(x, y))));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -seen(x, y).z);
-    LitScene::as_seen(light, Frame::new(photo, depth_m, camera, 1.0).unwrap())
+    LitScene::observed_only(light, Frame::new(photo, depth_m, camera, 1.0).unwrap())
 }
 
 fn with(shape: LightShape, radiance: f32) -> LitScene {
     added(scene(), shape, radiance)
 }
 
-/// The scene with another light.
+/// Adds a light to the scene.
 fn added(mut scene: LitScene, shape: LightShape, radiance: f32) -> LitScene {
     let found = emitters(&scene);
     let light = AnalyticLight { shape, radiance: [radiance; 3] };
@@ -66,7 +66,7 @@ fn added(mut scene: LitScene, shape: LightShape, radiance: f32) -> LitScene {
     scene
 }
 
-/// The room with a square sun patch of this middle on the wall behind.
+/// The room with a square sun patch centred on the back wall at `middle`.
 fn with_patch(middle: Vec3) -> LitScene {
     let mut scene = scene();
     let camera = scene.frame.camera;
@@ -108,7 +108,7 @@ fn the_photos_own_sun_lights_what_stands_in_its_patches_alone() {
     let sun = |of_photo| LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo };
     let radiance = 6.0 / AnalyticLight { shape: sun(true), radiance: [1.0; 3] }.extent();
     let render = |scene: &LitScene| render_at(scene, Quality::Normal);
-    // Where the middle of the sphere casts its shadow, and beside it.
+    // The centre of the sphere's shadow, and a point beside it.
     let shadow = CENTRE - direction * ((CENTRE.z - LOW.z) / direction.z);
     let free = render(&with(sun(false), radiance));
     let none = render(&scene());
@@ -119,7 +119,7 @@ fn the_photos_own_sun_lights_what_stands_in_its_patches_alone() {
     let [all, own, lit, dark] = [&free, &none, &on, &off].map(|composite| luminance(composite.object[at]));
     assert!((lit / all - 1.0).abs() < 0.03, "{lit} of {all}");
     assert!((dark / own - 1.0).abs() < 0.03, "{dark} of {own}, {lit} in the sun");
-    // Its shadow falls into the patch, and there is none where the photo has no sun.
+    // Its shadow is in the patch; there is none where the photo has no sunlight.
     let ratio = |composite: &Composite| luminance(composite.shadow_ratio[pixel(&scene(), shadow)]);
     let [all, own, lit, dark] = [&free, &none, &on, &off].map(ratio);
     assert!((lit / all - 1.0).abs() < 0.1 && (dark / own - 1.0).abs() < 0.1, "{lit} of {all}, {dark} of {own}");
@@ -134,16 +134,17 @@ fn an_added_sun_lights_the_object_and_casts_its_shadow() {
     let (plain, scene) = (scene(), with(shape, strength / extent));
     let [none, one, two] = [&plain, &scene, &with(shape, 2.0 * strength / extent)].map(render);
 
-    // Where the sphere faces the sun, half way to the camera, it gives albedo / π · E · cos more, of which Fresnel's term takes a twentieth.
+    // Where the sphere faces the sun, half way to the camera, the sun adds albedo / π · E · cos, minus a twentieth by
+    // Fresnel's term.
     let normal = (direction + (-CENTRE).normalize()).normalize();
     let at = pixel(&scene, CENTRE + normal * RADIUS);
     let [dark, lit, bright] = [&none, &one, &two].map(|composite| luminance(composite.object[at]));
     let expected = ALBEDO / PI * strength * normal.dot(direction);
     assert!((lit - dark) / expected > 0.92 && (lit - dark) / expected < 1.02, "{lit} − {dark}, {expected}");
-    // The other lamp's samples are others, too.
+    // The samples of the other lamp differ, too.
     assert!(((bright - dark) / (lit - dark) - 2.0).abs() < 0.03, "{dark} {lit} {bright}");
 
-    // In the middle of its shadow only the other light is left: E₀ r / (E₀ + S).
+    // In the centre of its shadow, only the other light remains: E₀ r / (E₀ + S).
     let shadow = CENTRE - direction * ((CENTRE.y - LOW.y) / direction.y);
     let sun = strength * direction.y;
     let map = OctreeRenderer::new(&plain.light).at(shadow).panorama(shadow + Vec3::Y * 0.13, 256, 128).radiance;
@@ -154,7 +155,7 @@ fn an_added_sun_lights_the_object_and_casts_its_shadow() {
     let ratio = |composite: &Composite| luminance(composite.shadow_ratio[pixel(&scene, shadow)]);
     let expected = other * ratio(&none) / (other + sun);
     assert!((ratio(&one) / expected - 1.0).abs() < 0.12, "{} for {expected}", ratio(&one));
-    // Beside it the photo is not relit.
+    // Beside it, the photo is not relit.
     let beside = pixel(&scene, Vec3::new(1.1, LOW.y, -3.2));
     assert!((luminance(one.shadow_ratio[beside]) - 1.0).abs() < 0.02, "{:?}", one.shadow_ratio[beside]);
 }
@@ -171,7 +172,7 @@ fn added_lamps_light_the_object_by_the_square_of_their_distance() {
     for distance_m in [0.8, 1.6] {
         let centre_m = CENTRE + normal * (RADIUS + distance_m);
         let (radius_m, radiance) = (0.05, 400.0);
-        // Less Fresnel's term, a twentieth.
+        // Minus Fresnel's term, a twentieth.
         let expected = 0.95 * ALBEDO * radiance * (radius_m / distance_m).powi(2);
         let ball = given(LightShape::Sphere { centre_m, radius_m }, radiance, normal);
         assert!((ball / expected - 1.0).abs() < 0.06, "{ball} for {expected} at {distance_m} m");
@@ -201,7 +202,7 @@ fn a_lamp_that_is_off_lights_nothing_and_one_of_twice_the_scale_twice() {
     let two = changed(LightChange { scale: 2.0, ..LightChange::NONE });
     let top = pixel(&off, CENTRE + Vec3::new(-0.2, 0.9, 0.39).normalize() * RADIUS);
     let [dark, lit, bright] = [&off, &scene(), &two].map(|scene| luminance(render(scene).object[top]));
-    // Walls alone give albedo · 0.4, less what the object's own shadow takes from the floor.
+    // The walls alone give albedo · 0.4, minus the floor's loss to the object's own shadow.
     assert!(dark < 1.02 * ALBEDO * 0.4 && dark > 0.8 * ALBEDO * 0.4, "{dark}");
     assert!(lit > 1.5 * dark, "{lit} {dark}");
     assert!(((bright - dark) / (lit - dark) - 2.0).abs() < 0.05, "{dark} {lit} {bright}");

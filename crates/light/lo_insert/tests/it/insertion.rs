@@ -1,4 +1,4 @@
-//! Insertion as a user sees it: untouched pixels, sequences, occlusion, furnaces, mirrors, bad input.
+//! Behavioural tests of insertion: untouched pixels, sequences, occlusion, furnaces, mirrors, invalid input.
 
 use std::ops::ControlFlow;
 
@@ -8,15 +8,15 @@ use lo_events::{Event, Stage, Warning};
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{
-    Align, Base, Composite, Ground, InsertError, Inserter, Instance, Lighting, Path, Placement, Quality, SeenSurfaces,
-    Stance,
+    Align, Base, Composite, Ground, InsertError, Inserter, Instance, Lighting, ObservedSurfaces, Path, PathPlacement,
+    Placement, Quality,
 };
 use lo_mesh::{AlphaMode, Material, PreparedModel};
 use lo_scene::{LitScene, Room, RoomPlane, Side};
 use proptest::prelude::*;
 
-fn stance(scale: f32) -> Stance<'static> {
-    Stance { scale, ..Stance::default() }
+fn stance(scale: f32) -> PathPlacement<'static> {
+    PathPlacement { scale, ..PathPlacement::default() }
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn shadow_lies_under_the_object_away_from_the_lamp() {
         let (u, v, _) = scene.frame.camera.project(Vec3::new(x, LOW.y, z)).unwrap();
         composite.shadow_ratio[(u as usize, v as usize)][1]
     };
-    // The lamp hangs at x = −0.5: right of the sphere it is darker than left of it.
+    // The lamp is at x = −0.5: right of the sphere it is darker than left of it.
     let (left, right) = (ratio_at(-0.1, -3.0), ratio_at(0.7, -3.0));
     assert!(right < left - 0.05 && right < 0.92, "{left} {right}");
     assert!(composite.shadow_ratio.pixels().iter().flatten().all(|r| (0.0..4.0).contains(r)));
@@ -59,8 +59,8 @@ fn shadow_lies_under_the_object_away_from_the_lamp() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// An octree that knows too little of the light, by region and channel, leaves nothing black: a sphere hides of light from all around
-    /// no more than its form factor (r / d)² cos θ and what is four times as bright there as elsewhere.
+    /// An octree with too little light, by region and channel, leaves nothing black. Of uniform light, a sphere hides
+    /// no more than its form factor (r / d)² cos θ; light behind it may be four times as bright as elsewhere.
     #[test]
     fn unknown_light_is_no_darkness(
         low in prop::array::uniform3(-2.0f32..1.0),
@@ -82,7 +82,7 @@ proptest! {
         for i in (0..WIDTH * HEIGHT).filter(|&i| composite.alpha.pixels()[i] == 0.0) {
             let direction = scene.frame.camera.direction((i % WIDTH) as f64 + 0.5, (i / WIDTH) as f64 + 0.5);
             let point = direction * wall_distance(Vec3::ZERO, direction);
-            // Of the places that the draft's coarse grid mixes the nearest to the sphere.
+            // The position nearest to the sphere among those that the draft's coarse grid mixes.
             let distance = ((point - centre).length() - 0.12).max(radius);
             let form_factor = (radius / distance).powi(2);
             let least = (1.0 - form_factor) / (1.0 + 3.0 * form_factor);
@@ -94,7 +94,7 @@ proptest! {
 
 #[test]
 fn a_glossy_floor_mirrors_the_object() {
-    // A sphere that shines by itself, so that what the floor mirrors is known: F (L − what was mirrored there before).
+    // An emissive sphere, so that the floor's reflection is known: F (L − earlier reflection).
     let scene = linear_scene();
     let shining = Material { base_color: [5.0, 5.0, 5.0, 1.0], unlit: true, ..Material::default() };
     let (centre, radius) = (Vec3::new(0.2, LOW.y + 0.3, -3.5), 0.25);
@@ -125,7 +125,7 @@ fn a_glossy_floor_mirrors_the_object() {
     }
     assert!(mirrored > 100, "{mirrored}");
     assert!(error / (mirrored as f32) < 0.08, "{}", error / mirrored as f32);
-    // A rough floor spreads the same light.
+    // A rough floor scatters the same light.
     let sum = |composite: &Composite| -> f32 {
         composite.reflection.as_ref().unwrap().pixels().iter().map(|radiance| radiance[1]).sum()
     };
@@ -137,7 +137,7 @@ fn a_glossy_floor_mirrors_the_object() {
 fn shadows_go_on_where_depth_ends() {
     let whole = linear_scene();
     let mut holed = whole.clone();
-    // The right half of the picture below the horizon has no readings.
+    // The right half of the image below the horizon has no readings.
     let hole = |x: usize, y: usize| x >= 70 && y > HEIGHT / 2;
     let depth_m = &whole.frame.depth_m;
     holed.estimate_mut().frame.depth_m =
@@ -175,7 +175,7 @@ fn a_moving_object_does_not_flicker() {
     for quality in [Quality::Draft, Quality::Normal] {
         let inserter = Inserter::new(&scene, Lighting::Octree, quality).unwrap();
         let frames: Vec<Composite> = placements.iter().map(|p| alone(&inserter, &model, *p)).collect();
-        // Where no frame has object or shadow nothing at all changes, and the same placement gives the same picture.
+        // Where no frame has object or shadow nothing changes, and equal placements give equal images.
         let pixels = |c: &Composite| match &c.image {
             Photo::Linear(image) => image.pixels().to_vec(),
             Photo::Srgb8(_) => panic!("the photo is linear"),
@@ -185,7 +185,8 @@ fn a_moving_object_does_not_flicker() {
         let (first, last) = (pixels(&frames[0]), pixels(&frames[16]));
         assert!(still.iter().all(|&i| first[i] == last[i]));
         assert!(still.len() > 300 || quality != Quality::Draft, "{}", still.len());
-        // Shadow changes with the motion, 5 mm a frame; its change changes less, or it would jump instead of glide.
+        // Shadow changes with the motion, 5 mm per frame. Its change changes less; otherwise it would jump instead of
+        // glide.
         let ratio = |f: usize, i: usize| f64::from(frames[f].shadow_ratio.pixels()[i][1]);
         let shadow: Vec<usize> = (0..WIDTH * HEIGHT)
             .filter(|&i| frames.iter().all(|f| f.alpha.pixels()[i] == 0.0) && (0..17).any(|f| ratio(f, i) < 0.97))
@@ -236,7 +237,8 @@ fn light_that_is_gathered_when_it_is_needed_gives_the_same_picture() {
 #[test]
 fn real_surfaces_in_front_hide_the_object_and_holes_follow_the_photo() {
     let mut scene = linear_scene();
-    // A board at 1.5 m covers the left half of the picture, with a hole of the depth map in it. The photo shows no edge around that.
+    // A board at 1.5 m covers the left half of the image, with a hole of the depth map in it. The photo shows no edge
+    // around the hole.
     let hole = |x: usize, y: usize| (20..26).contains(&x) && (38..44).contains(&y);
     scene.estimate_mut().frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| match x {
         _ if hole(x, y) => 0.0,
@@ -255,7 +257,7 @@ fn real_surfaces_in_front_hide_the_object_and_holes_follow_the_photo() {
             }
         }
     }
-    // All of it behind the board: a result, and a warning that says so
+    // Completely behind the board: a result with a warning
     let behind = in_air(Vec3::new(-0.6, 0.5, -2.5), 0.05);
     assert_eq!(warnings(&inserter, &sphere(matte()), &behind), [Warning::ObjectHidden { object: 0 }]);
 }
@@ -263,7 +265,7 @@ fn real_surfaces_in_front_hide_the_object_and_holes_follow_the_photo() {
 #[test]
 fn where_depth_and_photo_differ_by_pixels_the_photo_tells_the_edge() {
     let mut scene = linear_scene();
-    // A red board before grey; the sensor sees its edge some pixels to the left, or leaves a hole there.
+    // A red board in front of grey; the sensor sees its edge some pixels to the left, or has a hole there.
     let edge = 62;
     scene.estimate_mut().frame.photo = Photo::Linear(Image::from_fn(WIDTH, HEIGHT, |x, y| {
         let texture = 0.02 * ((x * 7 + y * 13) % 5) as f32;
@@ -284,7 +286,7 @@ fn where_depth_and_photo_differ_by_pixels_the_photo_tells_the_edge() {
                 for x in 45..80 {
                     let (alpha, hidden) = (composite.alpha[(x, y)], composite.occlusion[(x, y)]);
                     assert!((alpha + hidden - 1.0).abs() < 1e-4, "{x} {y}: {alpha} {hidden}");
-                    // Half-way within a pixel of the edge; one or the other beyond the band.
+                    // One half within a pixel of the edge; 0 or 1 beyond the band.
                     if x + 1 < edge {
                         assert!(hidden > 0.5, "{board} {hole} {quality:?}, {x} {y}: {hidden}");
                     } else if x > edge {
@@ -299,7 +301,7 @@ fn where_depth_and_photo_differ_by_pixels_the_photo_tells_the_edge() {
     }
 }
 
-/// What the inserter warns of.
+/// Returns the inserter's warnings.
 fn warnings(inserter: &Inserter, model: &PreparedModel, placement: &Placement) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let hear = &mut |event| {
@@ -326,7 +328,7 @@ fn a_handler_can_end_a_picture_between_its_steps() {
     let order =
         [Stage::CoarseShadow, Stage::Radiosity, Stage::FineShadow, Stage::Visibility, Stage::Shading, Stage::Composite];
     assert!(done.eq(&order), "{events:?}");
-    // One inserter, ended everywhere: what it keeps of the light does no harm.
+    // One inserter, cancelled at every event: its cached light stays valid.
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Normal).unwrap();
     for at in 0..events.len() {
         let mut left = at;
@@ -349,7 +351,8 @@ fn a_handler_can_end_a_picture_between_its_steps() {
 #[test]
 fn predicted_depth_hides_only_what_is_well_behind_it() {
     let mut scene = linear_scene();
-    // All is 8 % nearer than it is, which lifts the floor below the object by 8 cm; on the left stands a board, a third nearer than the object.
+    // All depth is 8 % too small, which lifts the floor below the object by 8 cm. On the left is a board, a third
+    // nearer than the object.
     scene.estimate_mut().frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| match x {
         0..40 => 1.6,
         _ => scene.frame.depth_m[(x, y)] * 0.92,
@@ -367,7 +370,7 @@ fn predicted_depth_hides_only_what_is_well_behind_it() {
     assert!(clear < 0.005 && behind > 0.95, "{clear} {behind}");
 }
 
-/// Share of a uniform environment that glTF's dielectric BRDF (appendix B.3) reflects; plain quadrature.
+/// Share of a uniform environment that glTF's dielectric BRDF (appendix B.3) reflects, by plain quadrature.
 fn reflectance(cosine: f64, base: f64, roughness: f64) -> f64 {
     let v = [(1.0 - cosine * cosine).sqrt(), 0.0, cosine];
     let a2 = roughness.powi(4);
@@ -396,13 +399,14 @@ fn white_furnace() {
     let white = RadianceImage::new(64, 32, vec![[1.0; 3]; 64 * 32]);
     let centre = Vec3::new(0.0, 0.0, -2.0);
     let radius = 0.5;
-    // Draft carries diffuse light over to neighbouring pixels with few directions.
+    // Draft quality shares diffuse light between neighbouring pixels with few directions.
     for (quality, tolerance) in [(Quality::Draft, 0.02), (Quality::Normal, 0.01)] {
         let inserter = Inserter::new(&scene, Lighting::EnvironmentMap(white.clone()), quality).unwrap();
         for (metallic, roughness) in [(1.0f32, 0.0f32), (0.0, 1.0), (0.0, 0.5)] {
             let material = Material { base_color: [1.0; 4], metallic, roughness, ..Material::default() };
             let composite = alone(&inserter, &sphere(material), in_air(centre, radius));
-            // The mirror reflects all; a dielectric what its BRDF integrates to. At so many cosines from 0.5 to 1, straight lines between.
+            // The mirror reflects everything, a dielectric the integral of its BRDF: tabulated at cosines from 0.5 to
+            // 1, linearly interpolated.
             let at = |i: usize| 0.5 + i as f64 / (2 * COSINES) as f64;
             let reflected = |i| if metallic == 1.0 { 1.0 } else { reflectance(at(i), 1.0, f64::from(roughness)) };
             let table: Vec<f64> = (0..=COSINES).map(reflected).collect();
@@ -418,7 +422,7 @@ fn white_furnace() {
                 let normal = (direction * (along - root.sqrt()) - centre) / radius;
                 let cosine = f64::from(-normal.dot(direction));
                 if cosine < 0.5 {
-                    // Near the rim a sub-sample sees another angle than the pixel's centre
+                    // Near the rim a sub-sample has another angle than the pixel's centre
                     continue;
                 }
                 let place = (cosine - 0.5) * (2 * COSINES) as f64;
@@ -458,7 +462,7 @@ fn a_mirror_shows_what_the_octree_holds() {
         let expected = tracer.trace(&Cone { origin, direction: mirrored, tan_half_angle: 0.01 }).radiance;
         errors.push((composite.object.pixels()[i][1] - expected[1]).abs() / expected[1]);
     }
-    // The mesh is no perfect sphere, and a pixel's sub-sample is not its centre
+    // The mesh is not a perfect sphere, and a pixel's sub-sample is not its centre
     errors.sort_by(f32::total_cmp);
     let (median, p90) = (errors[errors.len() / 2], errors[errors.len() * 9 / 10]);
     println!("{} pixels, median {median}, 90 % {p90}", errors.len());
@@ -485,11 +489,11 @@ fn unlit_emissive_and_blended_materials() {
         ..Material::default()
     };
     let composite = alone(&inserter, &sphere(glass), place);
-    // Front and back one after the other: 1 − 0.75²
+    // Front and back in succession: 1 − 0.75²
     let alpha = composite.alpha[middle];
     assert!((alpha - 0.4375).abs() < 1e-3, "{alpha}");
     assert!((composite.object[middle][2] - 0.9 * alpha).abs() < 1e-3);
-    // Light passes what is less than half opaque: no shadow
+    // Light passes surfaces that are less than half opaque: no shadow
     assert!(composite.shadow_ratio.pixels().iter().all(|r| *r == [1.0; 3]));
 }
 
@@ -549,7 +553,7 @@ fn odd_places_give_a_result_or_a_clear_error() {
 #[test]
 fn light_that_differs_by_direction_is_refused_and_then_taken_as_seen_from_the_object() {
     let mut scene = linear_scene();
-    // Every node shines to the left of the picture.
+    // Every node shines to the left of the image.
     let lobe = [-1.5, 0.0, 0.0];
     scene.light.lobes = Some(scene.light.rgba.iter().map(|rows| vec![lobe; rows.len()]).collect());
     let Err(refused) = Inserter::new(&scene, Lighting::Octree, Quality::Draft) else { panic!("it has lobes") };
@@ -558,7 +562,7 @@ fn light_that_differs_by_direction_is_refused_and_then_taken_as_seen_from_the_ob
     let white = RadianceImage::new(4, 2, vec![[1.0; 3]; 8]);
     assert!(Inserter::new(&scene, Lighting::EnvironmentMap(white), Quality::Draft).is_ok());
 
-    // A white ball gets its light from the right, by the gain that lobe_gain says.
+    // A white ball is lit from the right, with the gain of `lobe_gain`.
     let position_m = Vec3::new(0.0, 0.2, -2.0);
     scene.light = scene.light.seen_from(position_m).into_owned();
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft).unwrap();
@@ -574,7 +578,7 @@ fn light_that_differs_by_direction_is_refused_and_then_taken_as_seen_from_the_ob
     }
     let ratio = (sides[1] / counts[1]) / (sides[0] / counts[0]);
     let gains = [Vec3::NEG_X, Vec3::X].map(|towards| lo_octree::lobe_gain(Vec3::from(lobe), towards));
-    // The wall on the right sends e³ times as much as the one on the left; halves of a ball see more than one wall.
+    // The right wall emits e³ times as much as the left one; halves of a ball see more than one wall.
     assert!((gains[0] / gains[1] - 3.0f32.exp()).abs() < 0.1 && ratio > 1.5, "{ratio}");
 }
 
@@ -590,13 +594,13 @@ fn resting_on_a_pixel_meets_the_surface() {
     assert!(error.to_string().contains("70.5"), "{error}");
 }
 
-/// Noise in [−1, 1] that differs from pixel to pixel.
+/// Returns noise in [−1, 1] that is independent between pixels.
 fn noise(x: usize, y: usize) -> f32 {
     let hash = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77);
     (hash.wrapping_mul(0xC2B2_AE3D) >> 8) as f32 / (1 << 23) as f32 - 1.0
 }
 
-/// The box room with a table of 1 × 0.6 m, 0.4 m over the floor; gravity is known.
+/// The box room with a table of 1 × 0.6 m, 0.4 m above the floor; gravity is known.
 fn scene_with_table() -> LitScene {
     let mut scene = linear_scene();
     let camera = scene.frame.camera;
@@ -622,13 +626,13 @@ fn objects_stand_upright_on_the_patch_below_them_however_noisy_its_depth() {
         scene.estimate_mut().origin.predicted_depth = predicted_depth;
         scene.estimate_mut().frame.depth_m =
             Image::from_fn(WIDTH, HEIGHT, |x, y| clean[(x, y)] * (1.0 + share * noise(x, y)));
-        // The reading at the pixel itself is as wrong as it can be.
+        // The reading at the pixel itself has the largest error.
         scene.estimate_mut().frame.depth_m[(u as usize, v as usize)] = clean[(u as usize, v as usize)] * (1.0 + share);
         let base = Base::new(&slab(0.4, 0.3));
         let pixel = Placement::rest_on_pixel(&scene, u, v, Align::Gravity).unwrap().turned(0.4);
         let settled = pixel.settled(&scene, &base);
-        // Surfaces that are held say the same.
-        let surfaces = SeenSurfaces::new(&scene);
+        // Precomputed surfaces give the same.
+        let surfaces = ObservedSurfaces::new(&scene);
         let ground = Ground::new(&scene, &surfaces);
         assert_eq!(Placement::rest_on_pixel(ground, u, v, Align::Gravity).unwrap().turned(0.4), pixel);
         assert_eq!(pixel.settled(ground, &base), settled);
@@ -641,11 +645,11 @@ fn objects_stand_upright_on_the_patch_below_them_however_noisy_its_depth() {
         );
         assert_eq!((settled.up, settled.yaw_rad), (Vec3::Y, 0.4));
         assert!(settled.support.unwrap().signed_distance_m(settled.position_m).abs() < 1e-5);
-        // It stays where it is seen.
+        // It keeps its image position.
         let (seen_u, seen_v, _) = scene.frame.camera.project(settled.position_m).unwrap();
         assert!((seen_u - u).hypot(seen_v - v) < 0.05, "{seen_u} {seen_v}");
     }
-    // Other ways up: the picture's, and the surface's where that is tilted.
+    // Other alignments: with the image, and with a tilted surface.
     let turned = Vec3::new(0.2, 0.9, 0.3).normalize();
     scene.estimate_mut().room.as_mut().unwrap().up = turned;
     scene.estimate_mut().frame.depth_m = clean;
@@ -665,13 +669,13 @@ fn an_object_over_an_edge_is_told() {
         let support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y + 0.4 });
         Placement { position_m, scale: 1.0, yaw_rad: 0.0, up: Vec3::Y, support }
     };
-    // Its middle 5 cm within the edge, and 12 cm beyond it: a fifth of the base is left.
+    // Its centre 5 cm inside the edge, and 12 cm beyond it: a fifth of the base remains.
     assert_eq!(warnings(&inserter, &model, &at(0.0)), []);
     assert_eq!(warnings(&inserter, &model, &at(0.45)), []);
     let over = warnings(&inserter, &model, &at(0.62));
     let [Warning::ObjectOverhangs { object: 0, supported }] = over[..] else { panic!("{over:?}") };
     assert!((supported - 0.2).abs() < 0.12, "{supported}");
-    // In the air nothing has to carry it.
+    // In the air it needs no support.
     assert_eq!(warnings(&inserter, &model, &Placement { support: None, ..at(0.62) }), []);
 }
 
@@ -696,7 +700,7 @@ fn paths_pass_their_keyframes() {
     let straight = r#"{"interpolation": "catmull-rom", "keyframes": [{"time_s": 0, "position_m": [0, 0, -1]},
         {"time_s": 1, "position_m": [0, 0, -2]}, {"time_s": 2, "position_m": [0, 0, -3]}]}"#;
     for (i, placement) in
-        Path::from_json(straight).unwrap().placements(&scene, &Stance::default(), 9).unwrap().iter().enumerate()
+        Path::from_json(straight).unwrap().placements(&scene, &PathPlacement::default(), 9).unwrap().iter().enumerate()
     {
         assert!((placement.position_m.z + 1.0 + 0.25 * i as f32).abs() < 1e-5);
     }
@@ -710,5 +714,5 @@ fn paths_pass_their_keyframes() {
         let error = Path::from_json(bad).unwrap_err().to_string();
         assert!(error.contains(word), "{bad}: {error}");
     }
-    assert!(Path::from_json(straight).unwrap().placements(&scene, &Stance::default(), 0).unwrap().is_empty());
+    assert!(Path::from_json(straight).unwrap().placements(&scene, &PathPlacement::default(), 0).unwrap().is_empty());
 }

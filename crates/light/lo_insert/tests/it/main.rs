@@ -1,4 +1,4 @@
-//! Objects in photos. One binary, so that it is linked once.
+//! Tests of object insertion, in one binary to link once.
 #![allow(clippy::unwrap_used)]
 
 mod box_room;

@@ -1,4 +1,4 @@
-//! What a chrome sphere mirrors, against the truth: a striped room that the photo shows.
+//! Reflections of a chrome sphere compared with the truth: a striped room that the photo shows.
 
 use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
@@ -12,7 +12,7 @@ const HIGH: Vec3 = Vec3::new(1.5, 1.4, 0.6);
 const RADIUS: f32 = 0.5;
 const CENTRE: Vec3 = Vec3::new(0.1, LOW.y + RADIUS, -2.2);
 
-/// Where a ray from inside meets the room, and its radiance: stripes of 7 cm.
+/// Returns the point where a ray from inside meets the room, and its radiance: stripes of 7 cm.
 fn room(origin: Vec3, direction: Vec3) -> (Vec3, [f32; 3]) {
     let (a, b) = ((LOW - origin) / direction, (HIGH - origin) / direction);
     let point = origin + direction * a.max(b).min_element();
@@ -32,13 +32,13 @@ fn scene() -> LitScene {
     // Leaves of 8 cm
     let cube = Cube::centred(Vec3::new(0.0, 0.0, -1.5), 5.1);
     let light = LightOctree::from_points(&points.collect::<Vec<_>>(), cube, 6, 4).unwrap().0;
-    LitScene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
+    LitScene::observed_only(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
 }
 
-/// Places along a pixel's sides at which the truth is taken.
+/// Sub-pixel positions along a pixel's sides for the truth.
 const PLACES: usize = 4;
 
-/// What the sphere mirrors at a place in a pixel, where the photo shows it away from the sphere's shadow.
+/// Returns what the sphere reflects at a sub-pixel position, where the photo shows it away from the sphere's shadow.
 fn mirrored(camera: &Camera, x: usize, y: usize, place: usize) -> Option<Vec3> {
     let at = |pixel: usize, step: usize| pixel as f64 + (step as f64 + 0.5) / PLACES as f64;
     let view = camera.direction(at(x, place % PLACES), at(y, place / PLACES));
@@ -52,7 +52,8 @@ fn mirrored(camera: &Camera, x: usize, y: usize, place: usize) -> Option<Vec3> {
     (discriminant > 0.0 && shown).then_some(Vec3::from(truth))
 }
 
-/// Mean error of the pixels that mirror a place that the photo shows, away from the sphere's shadow; and how many they are.
+/// Returns the mean error of the pixels that reflect a point shown by the photo, away from the sphere's shadow, and
+/// their number.
 fn error(scene: &LitScene, quality: Quality) -> (f32, usize) {
     let camera = scene.frame.camera;
     let chrome = Material { base_color: [1.0; 4], metallic: 1.0, roughness: 0.0, ..Material::default() };
@@ -93,7 +94,7 @@ fn chrome_mirrors_what_the_photo_shows() {
     assert!(normal < 0.6 * draft, "{normal} with the photo, {draft} without");
 }
 
-/// A room that is grey in the octree, of which the photo shows stripes.
+/// A room that is grey in the octree, and striped in the photo.
 fn unseen_scene() -> LitScene {
     let scene = scene();
     let rgba = |rows: &Vec<[f32; 4]>| rows.iter().map(|&[.., opacity]| [0.5, 0.5, 0.5, opacity]).collect();
@@ -101,7 +102,7 @@ fn unseen_scene() -> LitScene {
     LitScene { light, ..scene }
 }
 
-/// The sphere of a material, and what it changes of the photo, with and without detail.
+/// Inserts the sphere of a material, with and without detail.
 fn with_and_without_detail(material: Material, quality: Quality) -> [lo_insert::Composite; 2] {
     let scene = unseen_scene();
     let model = PreparedModel::new(Model::sphere(RADIUS, 6, material).unwrap());
@@ -118,7 +119,7 @@ fn with_and_without_detail(material: Material, quality: Quality) -> [lo_insert::
         .map(|inserter| inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore).unwrap())
 }
 
-/// Deviation of the red of what the middle of the sphere mirrors, which lies behind the camera.
+/// Returns the deviation of red in the reflection at the sphere's centre, which shows the room behind the camera.
 fn deviation(composite: &lo_insert::Composite) -> f32 {
     let camera = Camera::from_hfov_deg(75.0, 640, 480).unwrap();
     let (u, v, _) = camera.project(CENTRE).unwrap();

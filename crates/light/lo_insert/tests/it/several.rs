@@ -1,4 +1,4 @@
-//! Several objects in one picture: they hide, shadow, light and mirror one another as one object does with its own parts.
+//! Tests of several objects in one image: they hide, shadow, light and mirror one another like parts of one object.
 
 use std::ops::ControlFlow;
 
@@ -20,7 +20,7 @@ fn black() -> PreparedModel {
     sphere(Material { base_color: [0.0, 0.0, 0.0, 1.0], ..Material::default() })
 }
 
-/// A sphere that touches the floor, and knows it.
+/// A sphere that touches the floor, with the floor as its support.
 fn resting(x: f32, z: f32, radius: f32) -> Placement {
     let support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
     Placement { support, ..in_air(Vec3::new(x, LOW.y + radius, z), radius) }
@@ -42,7 +42,7 @@ fn direction(scene: &LitScene, i: usize) -> Vec3 {
     scene.frame.camera.direction((i % WIDTH) as f64 + 0.5, (i / WIDTH) as f64 + 0.5)
 }
 
-/// Largest difference of the radiances and factors of two pictures.
+/// Returns the largest difference of radiances and factors of two images.
 fn difference(a: &Composite, b: &Composite) -> f32 {
     let pairs = [(&a.object, &b.object), (&a.shadow_ratio, &b.shadow_ratio)];
     let largest = |a: &[[f32; 3]], b: &[[f32; 3]]| {
@@ -74,7 +74,7 @@ fn far_from_each_other_each_is_as_if_it_were_alone() {
             assert_eq!(both.alpha.pixels()[i], a.alpha.pixels()[i] + b.alpha.pixels()[i]);
             let sum = Vec3::from(a.object.pixels()[i]) + Vec3::from(b.object.pixels()[i]);
             let found = Vec3::from(both.object.pixels()[i]);
-            // Neighbours 20 radii apart give each other some thousandths of their light.
+            // Neighbours 20 radii apart exchange some thousandths of their light.
             assert!(
                 (found - sum).abs().max_element() <= 0.01 * sum.max_element(),
                 "{quality:?} {i}: {found} for {sum}"
@@ -153,7 +153,7 @@ fn a_mirror_shows_the_other_object() {
 
 #[test]
 fn light_goes_from_one_object_to_the_other() {
-    // A white ball beside a red one that shines: what it gets more than alone is its view factor of the red one.
+    // A white ball beside a red emissive one: its additional light is the red one's view factor.
     let scene = linear_scene();
     let white = sphere(Material { base_color: [0.8, 0.8, 0.8, 1.0], roughness: 1.0, ..Material::default() });
     let lamp = shining([4.0, 0.0, 0.0]);
@@ -175,7 +175,8 @@ fn light_goes_from_one_object_to_the_other() {
             let normal = (point - centre) / radius;
             let distance = (other - point).length();
             let cosine = normal.dot(other - point) / distance;
-            // Sphere all above the horizon (closed form); the diffuse part of the dielectric is a little darker.
+            // Sphere completely above the horizon (closed form); the diffuse part of the dielectric is a little
+            // darker.
             if cosine > radius / distance {
                 expected += 0.8 * 4.0 * cosine * (radius / distance).powi(2);
                 sum += with.object.pixels()[i][0] - without.object.pixels()[i][0];
@@ -191,7 +192,7 @@ fn what_is_inside_of_another_object_changes_no_light() {
     let scene = linear_scene();
     for quality in [Quality::Draft, Quality::Normal, Quality::High] {
         let inserter = Inserter::new(&scene, Lighting::Octree, quality).unwrap();
-        // Off the floor: at a contact rays begin inside.
+        // Off the floor: at a contact, rays begin inside.
         let (model, centre) = (sphere(matte()), Vec3::new(0.3, LOW.y + 0.4, -3.0));
         let [place, inner] = [in_air(centre, 0.35), in_air(centre, 0.2)];
         let both = together(&inserter, &[Instance::new(&model, place), Instance::new(&model, inner)]);
@@ -202,8 +203,8 @@ fn what_is_inside_of_another_object_changes_no_light() {
     }
 }
 
-/// With two black spheres, one on the floor and one in the air, real surfaces are no brighter than with one of them, and no darker than
-/// with the shadows of both one upon the other.
+/// With two black spheres, one on the floor and one in the air, real surfaces are no brighter than with either of
+/// them, and no darker than with both shadows multiplied.
 fn check_that_shadows_add_up(x: [f32; 2], z: [f32; 2], radius: [f32; 2], height: f32) {
     let scene = linear_scene();
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft).unwrap();
@@ -215,15 +216,15 @@ fn check_that_shadows_add_up(x: [f32; 2], z: [f32; 2], radius: [f32; 2], height:
     for i in 0..WIDTH * HEIGHT {
         for c in 0..3 {
             let [a, b, both] = [&a, &b, &both].map(|picture| picture.shadow_ratio.pixels()[i][c]);
-            // What black objects mirror (a twentieth) of each other, and of the floor in the other's shadow.
+            // Black objects mirror a twentieth of each other, and of the floor in the other's shadow.
             assert!(both < a.min(b) + 0.02, "{both} with both, {a} and {b} with one");
             assert!(both > a + b - 1.0 - 0.06, "{both} with both, {a} and {b} with one");
         }
     }
 }
 
-/// The sphere in the air hides the brightest part of the ceiling. What that tells of the room's light must not be lost in the mean over
-/// what both hide.
+/// The sphere in the air hides the brightest part of the ceiling. The light inferred from that must not be lost in
+/// the mean over both.
 #[test]
 fn what_one_tells_of_the_light_counts_beside_the_other() {
     check_that_shadows_add_up([0.0, 0.0], [-1.6, -2.3165548], [0.36953294, 0.20802301], 0.75993675);
@@ -232,19 +233,19 @@ fn what_one_tells_of_the_light_counts_beside_the_other() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(6))]
 
-    /// Black objects take light only.
+    /// Black objects only remove light.
     #[test]
     fn shadows_add_up(
         x in prop::array::uniform2(-0.9f32..0.9), z in prop::array::uniform2(-3.4f32..-1.6), radius in prop::array::uniform2(0.1f32..0.45),
         height in 0.0f32..0.8,
     ) {
-        // Such as reach into one another stand nowhere: `insert` warns of them.
+        // Intersecting objects are excluded: `insert` warns of them.
         let middles = [Vec3::new(x[0], radius[0], z[0]), Vec3::new(x[1], radius[1] + height, z[1])];
         prop_assume!(middles[0].distance(middles[1]) > radius[0] + radius[1]);
         check_that_shadows_add_up(x, z, radius, height);
     }
 
-    /// Any order gives the same picture, of glass and metal too.
+    /// Any order gives the same image, also with glass and metal.
     #[test]
     fn their_order_does_not_matter(
         x in prop::array::uniform3(-0.6f32..0.6), y in prop::array::uniform3(-0.5f32..0.5), z in prop::array::uniform3(-3.4f32..-1.6),
@@ -270,7 +271,7 @@ fn a_glossy_floor_mirrors_all_objects() {
     let scene = linear_scene();
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Normal).unwrap().with_floor_gloss(1.0);
     let models = [shining([5.0, 0.0, 0.0]), shining([0.0, 5.0, 0.0])];
-    // What carries them is known to some millimetres.
+    // The support's position is known to some millimetres.
     let place = |x: f32, offset_m: f32| {
         let support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y + offset_m });
         Placement { support, ..in_air(Vec3::new(x, LOW.y + 0.3, -3.4), 0.25) }
@@ -297,7 +298,7 @@ fn one_that_moves_leaves_the_other_alone() {
     let (model, gold) = (sphere(matte()), sphere(Material { metallic: 1.0, roughness: 0.2, ..matte() }));
     for quality in [Quality::Draft, Quality::Normal] {
         let inserter = Inserter::new(&scene, Lighting::Octree, quality).unwrap();
-        // 5 mm a frame, past the front of the one that stands.
+        // 5 mm per frame, past the front of the fixed one.
         let frames: Vec<Composite> = (0..13)
             .map(|frame| {
                 let moving = resting(0.0 + 0.005 * frame as f32, -2.3, 0.15);
@@ -308,7 +309,7 @@ fn one_that_moves_leaves_the_other_alone() {
         let light = |f: usize, i: usize| f64::from(frames[f].object.pixels()[i][1]);
         let is_floor = |i: usize| frames.iter().all(|f| f.alpha.pixels()[i] == 0.0);
         let floor: Vec<usize> = (0..WIDTH * HEIGHT).filter(|&i| is_floor(i) && value(0, i) < 0.97).collect();
-        // Pixels of the one that stands: no part of the moving one comes there.
+        // Pixels of the fixed one that the moving one never covers.
         let is_still = |i: usize| {
             let offset = Vec3::new(0.35, LOW.y + 0.3, -3.0);
             let view = direction(&scene, i);
@@ -345,13 +346,14 @@ fn warnings_and_errors_say_which_object() {
     let told = |instance| warnings(&inserter, &[large, instance]);
     assert_eq!(told(at(0.0, 0.0, -3.2, 0.2)), [Warning::ObjectHidden { object: 1 }]);
     assert_eq!(told(at(0.0, 0.0, 0.6, 0.2)), [Warning::ObjectOutsidePicture { object: 1 }]);
-    // Far enough apart, touching, a third inside, and all inside.
+    // Far enough apart, touching, a third inside, and completely inside.
     assert_eq!(told(at(1.0, 0.0, -2.0, 0.3)), []);
     assert_eq!(told(at(0.799, 0.0, -2.0, 0.3)), []);
     assert_eq!(told(at(0.6, 0.0, -2.0, 0.3)), [Warning::ObjectsIntersect { objects: [0, 1] }]);
     let inside = [Warning::ObjectHidden { object: 1 }, Warning::ObjectsIntersect { objects: [0, 1] }];
     assert_eq!(told(at(0.1, 0.0, -2.0, 0.3)), inside);
-    // On another one: in the middle it is carried, over its edge it is not, and thin things that lie there do not reach into it.
+    // On another object: its centre supports, positions over its edge do not, and thin objects on it do not intersect
+    // it.
     let (board, plate) = (slab(0.6, 0.4), slab(0.2, 0.2));
     let table = Instance::new(&board, Placement { scale: 1.0, ..in_air(Vec3::new(0.0, -0.5, -2.0), 0.0) });
     let support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
@@ -371,7 +373,7 @@ fn warnings_and_errors_say_which_object() {
 
 #[test]
 fn each_edge_hides_its_own_object() {
-    // A board at 2 m covers the left half; one object before it, one behind it.
+    // A board at 2 m covers the left half; one object in front of it, one behind it.
     let mut scene = linear_scene();
     let room = scene.frame.depth_m.clone();
     scene.estimate_mut().frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| if x < 60 { 2.0 } else { room[(x, y)] });
@@ -420,12 +422,12 @@ fn a_layout_says_what_stands_where() {
     let at = |i: usize| placed[i][0];
     assert!((at(0).position_m - Vec3::new(0.2, LOW.y, -2.5)).length() < 0.02, "{}", at(0).position_m);
     assert_eq!((at(0).scale, at(1).scale, at(2).scale, at(3).scale), (0.5, 0.1, 0.05, 1.0));
-    // The table's top is 5 cm up, and its middle where the table stands.
+    // The table's top is 5 cm up, and its centre is the table's.
     let top = at(0).position_m + Vec3::Y * 0.05;
     assert!((at(1).position_m - top).length() < 2e-3, "{} {top}", at(1).position_m);
     assert!((at(2).position_m - Vec3::new(0.25, top.y, -2.6)).length() < 2e-3, "{}", at(2).position_m);
     assert_eq!((at(1).support, at(3).position_m), (at(0).support, Vec3::new(0.5, 0.1, -2.0)));
-    // Nothing of the table is below.
+    // The table is not below.
     let beside = text.replace("[0.25, 0, -2.6]", "[1.35, 0, -2.5]");
     let error = Layout::from_json(&beside).unwrap().placements(&scene, &[&table, &vase, &vase, &vase], 1).unwrap_err();
     assert!(matches!(error, InsertError::Object { object: 2, .. }), "{error}");
@@ -446,10 +448,10 @@ fn what_is_carried_moves_and_turns_along() {
     let placed = layout.placements(&scene, &[&car, &small, &small, &small], 5).unwrap();
     let at = |object: usize, frame: usize| placed[object][frame];
     assert!((at(1, 0).position_m - Vec3::new(0.3, -0.9, -3.0)).length() < 1e-4, "{}", at(1, 0).position_m);
-    // One clock for all: from 1 s to 3 s; the car has arrived after half of the frames, and waits.
+    // One clock for all: from 1 s to 3 s. The car arrives after half of the frames, and rests.
     for frame in 2..5 {
         assert!((at(0, frame).position_m - Vec3::new(1.0, -1.0, -3.0)).length() < 1e-4);
-        // What lay to the right now lies behind (counter-clockwise from above: +X goes to −Z).
+        // An object on its right is now behind (counter-clockwise from above: +X goes to −Z).
         assert!((at(1, frame).position_m - Vec3::new(1.0, -0.9, -3.3)).length() < 1e-4, "{}", at(1, frame).position_m);
         assert!((at(1, frame).yaw_rad.to_degrees() - 100.0).abs() < 1e-3);
     }
@@ -462,12 +464,12 @@ fn layouts_that_make_no_sense_are_refused_by_name() {
     let cases = [
         ("{", "EOF"),
         ("[]", "1 to 100"),
-        ("3", "no list"),
+        ("3", "not a list"),
         (r#"{"objects": [], "floor": 1}"#, "`floor`"),
         (r#"{"items": []}"#, "`items`"),
-        (r#"[{"mesh": "a.glb"}]"#, "object 1 (a): needs one place"),
+        (r#"[{"mesh": "a.glb"}]"#, "object 1 (a): needs exactly one of"),
         (r#"[{"pixel": [1, 2]}]"#, "object 1"),
-        (r#"[{"mesh": "a.glb", "pixel": [1, 2], "position_m": [0, 0, -1]}]"#, "needs one place"),
+        (r#"[{"mesh": "a.glb", "pixel": [1, 2], "position_m": [0, 0, -1]}]"#, "needs exactly one of"),
         (
             r#"[{"mesh": "a.glb", "pixel": [1, 2]}, {"mesh": "b.glb", "pixle": [1, 2]}]"#,
             "object 2 (b.glb): unknown field `pixle`",
@@ -479,9 +481,9 @@ fn layouts_that_make_no_sense_are_refused_by_name() {
         (r#"[{"mesh": "a.glb", "pixel": [1, 2], "material": {"colour": 1}}]"#, "colour"),
         (
             r#"[{"mesh": "a.glb", "name": "x", "pixel": [1, 2]}, {"mesh": "b.glb", "name": "x", "pixel": [1, 2]}]"#,
-            "called `x`",
+            "named `x`",
         ),
-        (r#"[{"mesh": "a.glb", "on": "b"}, {"mesh": "b.glb", "pixel": [1, 2]}]"#, "stands on `b`"),
+        (r#"[{"mesh": "a.glb", "on": "b"}, {"mesh": "b.glb", "pixel": [1, 2]}]"#, "is named `b`"),
         (r#"[{"mesh": "a.glb", "pixel": [1, 2]}, {"mesh": "b.glb", "on": "a", "align": "none"}]"#, "align"),
         (r#"[{"mesh": "a.glb", "path": {"keyframes": []}}]"#, "keyframes"),
         (r#"[{"mesh": "a.glb", "path": "a.json", "yaw_deg": 3}]"#, "yaw_deg"),
@@ -492,7 +494,7 @@ fn layouts_that_make_no_sense_are_refused_by_name() {
     }
     let many = format!("[{}]", vec![r#"{"mesh": "a.glb", "pixel": [1, 2]}"#; 101].join(","));
     assert!(Layout::from_json(&many).unwrap_err().to_string().contains("101"));
-    // Files of paths are read by who knows where they are.
+    // The caller reads path files.
     let layout = layout(r#"[{"mesh": "a.glb", "path": "way.json"}]"#);
     let model = sphere(matte());
     assert!(layout.placements(&linear_scene(), &[&model], 2).unwrap_err().to_string().contains("way.json"));

@@ -1,4 +1,5 @@
-//! Insertion against a path-traced reference: the shaded object and the ratio on real surfaces, in a closed box room.
+//! Insertion compared with a path-traced reference: the shaded object and the ratio on real surfaces, in a closed box
+//! room.
 
 use crate::reference::{Body, Finish, Random, Room, Solution, Surface, Tracer, V, add, scale, sub, unit};
 use lo_geometry::{Camera, Cube, Plane, Vec3};
@@ -23,7 +24,7 @@ fn to_f64(v: Vec3) -> V {
     v.to_array().map(f64::from)
 }
 
-/// Octree of `depth` of the empty room, photo and depth of the camera.
+/// Builds the octree of `depth` of the empty room, with photo and depth of the camera.
 fn scene_of(solution: &Solution, depth: u32, width: u32, height: u32) -> LitScene {
     let room = solution.room;
     let cube = Cube::centred(Vec3::new(0.03, 0.11, -1.87), 5.6);
@@ -61,7 +62,7 @@ fn scene_of(solution: &Solution, depth: u32, width: u32, height: u32) -> LitScen
     let depth_m = hits.iter().map(|hit| -hit.position[2] as f32).collect();
     let frame =
         Frame::new(Photo::Linear(RadianceImage::new(w, h, photo)), Image::new(w, h, depth_m), camera, 1.0).unwrap();
-    LitScene::as_seen(light, frame)
+    LitScene::observed_only(light, frame)
 }
 
 fn pixel_direction(camera: &Camera, x: usize, y: usize) -> V {
@@ -103,21 +104,21 @@ fn placement(body: &Body, floor: f64) -> Placement {
     }
 }
 
-/// Mean relative errors of the object's pixels and of the ratio where it deviates from 1, and how many pixels of each.
+/// Mean relative errors of the object's pixels and of the ratio where it deviates from 1, with their pixel counts.
 struct Errors {
     object: f64,
     object_pixels: usize,
     ratio: f64,
     ratio_pixels: usize,
-    /// Signed, of the ratio on the floor right beside the body.
+    /// Signed error of the ratio on the floor right beside the body.
     contact: f64,
     contact_pixels: usize,
 }
 
-/// Floor this near to the body is its contact, in metres.
+/// Largest distance of contact floor from the body, in metres.
 const CONTACT_M: f64 = 0.06;
 
-/// Compares every `stride`-th pixel of every `stride`-th row with `paths` paths a pixel.
+/// Compares every `stride`-th pixel of every `stride`-th row, with `paths` paths per pixel.
 fn compare(
     scene: &LitScene,
     solution: &Solution,
@@ -156,7 +157,7 @@ fn compare(
                 return (Some(difference / sum(truth)), None, None);
             }
             if on_wall && alpha == 0.0 && !solution.room.on_lamp(&hit) {
-                // Cheap first, and well only where something is to be seen
+                // A cheap estimate first, and an accurate one only where needed
                 let empty = solution.radiance(&hit);
                 let rough = tracer.reflected(&hit, view, 64, &mut random);
                 let found = composite.shadow_ratio[(x, y)].map(f64::from);
@@ -205,7 +206,7 @@ fn several() -> Case {
     ("several", bodies.map(|(body, base)| (body, finish(base))).to_vec())
 }
 
-/// A table's leg: thinner than a leaf.
+/// A table leg, thinner than a leaf.
 fn leg() -> Case {
     let floor = room().low[1];
     let body = Body::Cuboid { low: [0.1, floor, -3.35], high: [0.15, floor + 0.7, -3.3] };
@@ -250,7 +251,7 @@ fn run(
 
 #[test]
 fn reference_solutions_agree() {
-    // Path tracing of the empty room against its solution by final gathering: two programs for one truth.
+    // Compares path tracing of the empty room with its solution by final gathering: two independent programs.
     let room = room();
     let solution = Solution::new(&room);
     let tracer = Tracer { room: &room, bodies: &[] };
@@ -266,7 +267,7 @@ fn reference_solutions_agree() {
     }
 }
 
-/// The meshes of instances as one, at the place that it returns.
+/// Merges the meshes of instances into one, at the returned placement.
 fn merged(instances: &[Instance], finish: Finish) -> (PreparedModel, Placement) {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for Instance { model, placement } in instances {
@@ -317,7 +318,7 @@ fn insertion_agrees_with_path_tracing() {
     }
 }
 
-/// The bar of issue 3, at full size; minutes.
+/// The acceptance criterion of issue 3, at full size; takes minutes.
 #[test]
 #[ignore = "minutes; run with --release -- --ignored --nocapture"]
 fn insertion_agrees_with_path_tracing_at_high_quality() {
@@ -327,8 +328,8 @@ fn insertion_agrees_with_path_tracing_at_high_quality() {
             assert!(errors.object < 0.10 && errors.ratio < 0.10);
             assert!(errors.contact_pixels == 0 || errors.contact.abs() < contact, "{}", errors.contact);
         }
-        // Floor in the gap between two bodies is too dark, relative to the little light that is left there: one model of the same shape
-        // gives that too.
+        // Floor in the gap between two bodies is too dark, relative to the little light that remains there; one
+        // merged model has the same error.
         for errors in run([several()], 7, (480, 320), quality, 6, 1024) {
             assert!(errors.object < 0.12 && errors.ratio < 0.10 && errors.contact.abs() < 0.2);
         }

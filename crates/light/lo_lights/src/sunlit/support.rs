@@ -202,7 +202,7 @@ mod tests {
         let frame = Frame::new(Photo::Linear(photo), depth_m, camera(), 1.0).unwrap();
         let (octree, _) = LightOctree::from_points(&[], Cube::centred(Vec3::ZERO, 8.0), 3, 2).unwrap();
         let origin = EstimateOrigin { predicted_depth, ..EstimateOrigin::default() };
-        Estimate { origin, ..Estimate::as_seen(octree, frame) }
+        Estimate { origin, ..Estimate::observed_only(octree, frame) }
     }
 
     /// Returns the pixel at the shadow of a corner of the board.

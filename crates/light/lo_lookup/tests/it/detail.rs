@@ -5,7 +5,7 @@ use lo_geometry::{Camera, Cube, Quat, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage, luminance};
 use lo_lookup::{Detail, PhotoLookup, SceneRenderer};
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
-use lo_scene::{Frame, LaidPanorama, LitScene, OtherPhoto, PanoramaSource};
+use lo_scene::{Frame, LitScene, OtherPhoto, PanoramaContribution, PanoramaSource};
 use proptest::prelude::*;
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.5, -3.4);
@@ -41,7 +41,7 @@ fn scene(texture: impl Fn(usize, usize) -> f32, provenance: Provenance) -> LitSc
     });
     let cube = Cube { origin_m: Vec3::new(-4.0, -4.0, -4.0), edge_m: 8.0 };
     let light = LightOctree::from_points(&points.collect::<Vec<_>>(), cube, 6, 4).unwrap().0;
-    LitScene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
+    LitScene::observed_only(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
 }
 
 /// Traces cones without detail, and with it.
@@ -159,7 +159,7 @@ fn detail_changes_nothing_inside_photos_and_panoramas() {
     };
     let share = scene.light.rgba.iter().map(|rows| vec![255; rows.len()]).collect();
     let mut given = scene.clone();
-    given.estimate_mut().panorama = Some(LaidPanorama { source, share, picture: None });
+    given.estimate_mut().panorama = Some(PanoramaContribution { source, share, image: None });
     let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
     assert!(Detail::new(&given, &PhotoLookup::new(&given, &tracer)).is_none());
     let mut several = self::scene(squares(16), Provenance::Observed);

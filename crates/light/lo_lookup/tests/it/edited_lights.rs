@@ -62,7 +62,7 @@ fn scene() -> LitScene {
         let points: Vec<RadiancePoint> =
             eyes.into_iter().flat_map(|eye| (0..600 * 300).map(move |i| point(eye, i))).collect();
         let light = LightOctree::from_points(&points, CUBE, 7, 4).unwrap().0;
-        LitScene::as_seen(light, frame)
+        LitScene::observed_only(light, frame)
     };
     SCENE.get_or_init(make).clone()
 }

@@ -5,7 +5,7 @@ use lo_geometry::{Camera, Cube, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_lookup::{PhotoLookup, SceneRenderer};
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
-use lo_scene::{Frame, LaidPanorama, LitScene, PanoramaPicture, PanoramaSource};
+use lo_scene::{Frame, LitScene, PanoramaContribution, PanoramaImage, PanoramaSource};
 use proptest::prelude::*;
 
 /// Leaves of 6.25 cm.
@@ -59,7 +59,7 @@ fn scene(pillar: bool) -> LitScene {
     let points: Vec<RadiancePoint> =
         eyes.into_iter().flat_map(|eye| (0..900 * 450).map(move |i| point(eye, i))).collect();
     let light = LightOctree::from_points(&points, CUBE, DEPTH, 4).unwrap().0;
-    LitScene::as_seen(light, frame)
+    LitScene::observed_only(light, frame)
 }
 
 /// Returns whether the photo shows a point: inside the photo and unoccluded.
@@ -196,7 +196,7 @@ fn lamps_are_as_bright_as_in_the_octree() {
     let points: Vec<RadiancePoint> = (0..480 * 360).map(point).collect();
     let light = LightOctree::from_points(&points, CUBE, DEPTH, 4).unwrap().0;
     let photo = Photo::Linear(RadianceImage::from_fn(480, 360, |x, y| [kind(x, y).min(1.0); 3]));
-    let scene = LitScene::as_seen(light, Frame::new(photo, depth_m, camera, 1.0).unwrap());
+    let scene = LitScene::observed_only(light, Frame::new(photo, depth_m, camera, 1.0).unwrap());
     let octree = OctreeRenderer::new(&scene.light).at(Vec3::ZERO).panorama(Vec3::ZERO, 1024, 512).radiance;
     let sharp = SceneRenderer::new(&scene).panorama(Vec3::ZERO, 1024, 512).radiance;
     let flux = |map: &RadianceImage, columns: std::ops::Range<usize>| -> f32 {
@@ -228,7 +228,7 @@ proptest! {
         let surfels = frame.surfels(&frame.radiance());
         let points: Vec<RadiancePoint> = surfels.into_iter().map(RadiancePoint::from).collect();
         let light = LightOctree::from_points(&points, CUBE, 6, 3).unwrap().0;
-        let scene = LitScene::as_seen(light, frame);
+        let scene = LitScene::observed_only(light, frame);
         let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
         let lookup = PhotoLookup::new(&scene, &tracer);
         let turn = lo_geometry::Quat::from_rotation_y(seed as f32);
@@ -270,9 +270,9 @@ fn unseen_errors(place_m: Vec3, eye: Vec3) -> (f32, f32) {
     };
     // As if the panorama had contributed all light.
     let share = plain.light.rgba.iter().map(|rows| vec![255; rows.len()]).collect();
-    let picture = Some(PanoramaPicture::new(&radiance, rotation));
+    let image = Some(PanoramaImage::new(&radiance, rotation));
     let mut given = plain.clone();
-    given.estimate_mut().panorama = Some(LaidPanorama { source, share, picture });
+    given.estimate_mut().panorama = Some(PanoramaContribution { source, share, image });
     let error = |scene: &LitScene| {
         let found = SceneRenderer::new(scene).panorama(eye, 512, 256).radiance;
         let (mut sum, mut count) = (0.0, 0);

@@ -1,155 +1,158 @@
-/// Why a file of poses cannot be used. Poses are named as their file names them: by a photo's file, a line or a number.
+/// Reasons why a pose file cannot be used. Poses are identified as in their file: by a photo's file name, a line or a
+/// number.
 #[derive(Debug, thiserror::Error)]
 pub enum PoseError {
-    /// The file system refused to read.
+    /// The file cannot be read.
     #[error("{path}: {source}")]
     Read {
-        /// The file.
+        /// Path of the file.
         path: String,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Longer than any file of poses.
-    #[error("{file}: {bytes} bytes are too many for a file of poses; at most {most} are read")]
+    /// The file is too long.
+    #[error("{file}: {bytes} bytes are too many for a pose file; at most {most} are read")]
     TooLarge {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// Its length.
+        /// Length, bytes.
         bytes: u64,
-        /// Longest that is read.
+        /// Longest file that is read, bytes.
         most: u64,
     },
-    /// The content is that of no format that is known.
+    /// The format is unknown.
     #[error(
-        "{0}: no known file of poses; known are lightoctree's own (`photos`), Record3D's metadata.json (`poses`), frames of 3D Scanner App \
+        "{0}: unknown pose file format; supported are lightoctree's own (`photos`), Record3D's metadata.json (`poses`), frames of 3D Scanner App \
          (`cameraPoseARFrame`) and Polycam (`t_00`), transforms.json (`frames`), and TUM trajectories (lines of `time tx ty tz qx qy qz qw`)"
     )]
     Unknown(String),
-    /// The format is known, the content is wrong.
+    /// The format is known, but the content is invalid.
     #[error("{file}: {what}")]
     Content {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// What is wrong, and where.
+        /// Description of the error and its location.
         what: String,
     },
-    /// The cameras are no pinholes.
-    #[error("{file}: its camera model is {model}; only photos of pinhole cameras can be used")]
+    /// The cameras are not pinhole cameras.
+    #[error("{file}: its camera model is {model}; only pinhole cameras are supported")]
     CameraModel {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// What it says.
+        /// Camera model in the file.
         model: String,
     },
-    /// A number is NaN or infinite, or beyond all reason.
-    #[error("{file}: the pose of {pose} holds {value}, which is no number of metres")]
+    /// A number is NaN, infinite or out of range.
+    #[error("{file}: the pose of {pose} contains {value}, which is not a valid position or rotation")]
     Value {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// Which pose.
+        /// Name of the pose.
         pose: String,
         /// The number.
         value: f64,
     },
-    /// A matrix that enlarges.
-    #[error("{file}: the pose of {pose} scales by {scale:.3}; a camera's pose turns and moves only, in metres")]
+    /// A matrix has a scale other than 1.
+    #[error(
+        "{file}: the pose of {pose} scales by {scale:.3}; a camera pose must be a rotation and a translation in metres"
+    )]
     Scale {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// Which pose.
+        /// Name of the pose.
         pose: String,
         /// Length of the longest or shortest axis, which should be 1.
         scale: f64,
     },
-    /// A matrix that mirrors.
-    #[error("{file}: the pose of {pose} mirrors: its axes are left-handed")]
+    /// A matrix is a reflection.
+    #[error("{file}: the pose of {pose} is mirrored: its axes are left-handed")]
     Mirror {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// Which pose.
+        /// Name of the pose.
         pose: String,
     },
-    /// A matrix that shears, or whose last row is no 0 0 0 1, or a quaternion that is not of unit length.
-    #[error("{file}: the pose of {pose} is no rotation with a position: {what}")]
+    /// A matrix has shear or a last row other than 0 0 0 1, or a quaternion does not have unit length.
+    #[error("{file}: the pose of {pose} is not a rotation and translation: {what}")]
     NotRigid {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// Which pose.
+        /// Name of the pose.
         pose: String,
-        /// What is wrong.
+        /// Description of the error.
         what: String,
     },
-    /// As many files as photos are needed where each holds one pose.
-    #[error("{files} files of poses for {photos} photos: one for all, or one for each")]
+    /// The number of pose files is neither one nor the number of photos.
+    #[error("{files} pose files for {photos} photos: give one for all, or one for each")]
     FileCount {
-        /// Files given.
+        /// Number of pose files.
         files: usize,
-        /// Photos.
+        /// Number of photos.
         photos: usize,
     },
-    /// One of several files holds more or fewer poses than the one of its photo.
-    #[error("{file} holds {poses} poses; where there is one file for each photo, each holds one")]
+    /// One of several pose files does not hold exactly one pose.
+    #[error("{file} has {poses} poses; with one pose file per photo, each must have one")]
     OneEach {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// How many it holds.
+        /// Number of its poses.
         poses: usize,
     },
     /// A photo has no pose.
-    #[error("{file} holds no pose of {photo} ({rule})")]
+    #[error("{file} has no pose of {photo} (poses are matched {rule})")]
     NoPose {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// The photo.
+        /// Path of the photo.
         photo: String,
-        /// How photos are matched with poses in files of this kind.
+        /// Rule by which photos are matched with poses in this format.
         rule: &'static str,
     },
     /// A photo has several poses.
-    #[error("{file} holds several poses of {photo}")]
+    #[error("{file} has several poses of {photo}")]
     Ambiguous {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// The photo.
+        /// Path of the photo.
         photo: String,
     },
-    /// Two cameras are farther apart than a room is long.
+    /// Two cameras are too far apart.
     #[error(
-        "{first} and {other} were taken {distance_m:.1} m apart by their poses, farther than any room is long ({most_m} m): are they in metres?"
+        "according to their poses, {first} and {other} are {distance_m:.1} m apart, more than the largest room ({most_m} m); check that they are in metres"
     )]
     Distance {
-        /// A photo.
+        /// Path of a photo.
         first: String,
-        /// Another.
+        /// Path of another.
         other: String,
-        /// Their distance by the poses.
+        /// Distance of their cameras.
         distance_m: f64,
-        /// Greatest distance that is believed.
+        /// Largest accepted distance.
         most_m: f64,
     },
-    /// The intrinsics are those of a picture of another shape.
+    /// The intrinsics are for an image of another aspect ratio.
     #[error(
-        "{file}: intrinsics for {} × {} pixels, but {photo} has {} × {}: was the photo turned or cut after it was taken?",
+        "{file}: intrinsics for {} × {} pixels, but {photo} has {} × {}: was the photo rotated or cropped?",
         stated.0, stated.1, found.0, found.1
     )]
     PictureSize {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// The photo.
+        /// Path of the photo.
         photo: String,
-        /// Width and height that the file states.
+        /// Width and height in the file.
         stated: (u32, u32),
         /// Width and height of the photo.
         found: (u32, u32),
     },
-    /// The intrinsics are those of no camera.
+    /// The intrinsics are not those of a pinhole camera.
     #[error("{file}: the camera of {photo}: {source}")]
     Camera {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// The photo.
+        /// Path of the photo.
         photo: String,
-        /// What is wrong.
+        /// Description of the error.
         source: lo_geometry::CameraError,
     },
 }

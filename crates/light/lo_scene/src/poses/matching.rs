@@ -4,25 +4,25 @@ use lo_geometry::{Camera, RigidTransform, Vec3};
 
 use super::{Lens, Pose, PoseError, PoseFile, PoseFormat};
 
-/// Photos and poses may be this much apart in time, seconds: less than a frame of a video.
+/// Largest difference in time of a photo and its pose, seconds: less than a frame of a video.
 const MAX_APART_S: f64 = 0.02;
 
-/// Cameras farther apart than this, metres, do not look into one room.
+/// Largest distance of two cameras in one room, metres.
 const MAX_DISTANCE_M: f64 = 50.0;
 
-/// Picture and stated size may differ by this much in aspect ratio.
+/// Largest difference in aspect ratio between a photo and the size in the file.
 const ASPECT_TOLERANCE: f64 = 0.01;
 
-/// One pose for each of several photos.
+/// Poses of several photos, one each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhotoPoses {
-    /// The photos' poses, with the names of the photos and of the files that they came from.
+    /// Poses in the order of the photos, with the names of photos and files.
     matched: Vec<Matched>,
-    /// Unit vector against gravity in the axes of the first photo's camera, where the format knows it.
+    /// Unit vector against gravity in the axes of the first photo's camera, if the format states it.
     pub up: Option<Vec3>,
-    /// What wrote the files.
+    /// Format of the files.
     pub format: PoseFormat,
-    /// Whether a lens distortion is stated.
+    /// Whether the files state a lens distortion.
     pub distorted: bool,
 }
 
@@ -34,19 +34,20 @@ struct Matched {
 }
 
 impl PhotoPoses {
-    /// Reads the files and finds the photos' poses in them: one file for all photos, or one for each, in order.
+    /// Reads pose files and matches poses with photos: one file for all photos, or one per photo in order.
     ///
     /// # Errors
-    /// Of the files, and of [`PhotoPoses::of`].
+    /// If a file is invalid, and all errors of [`PhotoPoses::of`].
     pub fn read(files: &[impl AsRef<Path>], photos: &[impl AsRef<Path>]) -> Result<Self, PoseError> {
         let files: Vec<PoseFile> = files.iter().map(|path| PoseFile::read(path.as_ref())).collect::<Result<_, _>>()?;
         Self::of(&files, photos)
     }
 
-    /// Finds the photos' poses.
+    /// Matches poses with photos.
     ///
     /// # Errors
-    /// Another number of files than one or the photos'; photos without a pose or with several; cameras more than 50 m apart.
+    /// If the number of files is neither one nor the number of photos, a photo has no pose or several, or cameras are
+    /// more than 50 m apart.
     pub fn of(files: &[PoseFile], photos: &[impl AsRef<Path>]) -> Result<Self, PoseError> {
         let count = PoseError::FileCount { files: files.len(), photos: photos.len() };
         let Some(first) = files.first() else { return Err(count) };
@@ -85,17 +86,17 @@ impl PhotoPoses {
         Ok(Self { matched, up, format: first.format, distorted })
     }
 
-    /// Where each camera stands in the axes of the first one.
+    /// Returns the transform from each camera's axes to those of the first camera.
     pub fn first_from_cameras(&self) -> Vec<RigidTransform> {
         let Some(first) = self.matched.first() else { return Vec::new() };
         let others = self.matched.iter().skip(1).map(|other| first.pose.this_from(&other.pose));
         std::iter::once(RigidTransform::IDENTITY).chain(others).collect()
     }
 
-    /// The camera that made photo `index`, of this size; `None` where its file says nothing of the lens.
+    /// Returns the camera of photo `index` at this size; `None` if its file has no intrinsics.
     ///
     /// # Errors
-    /// Intrinsics of a picture of another shape, or of no camera.
+    /// If the intrinsics are for an image of another aspect ratio, or are invalid.
     pub fn camera(&self, index: usize, width: u32, height: u32) -> Result<Option<Camera>, PoseError> {
         let Matched { photo, file, pose } = &self.matched[index];
         let camera = match pose.lens {
@@ -115,14 +116,15 @@ impl PhotoPoses {
         camera.map(Some).map_err(|source| PoseError::Camera { file, photo, source })
     }
 
-    /// Stops by which each photo shows the same light brighter than the first, where the file says so of all.
+    /// Returns the exposure of each photo relative to the first, in stops (+1 is twice as bright), if the file states
+    /// it for all.
     pub fn exposures_ev(&self) -> Option<Vec<f64>> {
         let all: Option<Vec<f64>> = self.matched.iter().map(|matched| matched.pose.exposure_ev).collect();
         all.map(|all| all.iter().map(|ev| ev - all[0]).collect())
     }
 }
 
-/// The poses of photos in one file.
+/// Returns the poses of photos from one file.
 fn matched_in<'a>(file: &'a PoseFile, photos: &[impl AsRef<Path>]) -> Result<Vec<&'a Pose>, PoseError> {
     let by_order = file.poses.len() == photos.len();
     let missing = |photo: &Path, rule| {
@@ -144,7 +146,7 @@ fn matched_in<'a>(file: &'a PoseFile, photos: &[impl AsRef<Path>]) -> Result<Vec
                 None => {
                     let photo = photos.iter().find(|photo| index(photo.as_ref()).is_none());
                     let photo = photo.map_or(Path::new(""), |photo| photo.as_ref());
-                    Err(missing(photo, "photos are matched by the numbers that Record3D names them by, such as 12.jpg"))
+                    Err(missing(photo, "by the number in the photo's name, such as 12.jpg"))
                 }
             }
         }
@@ -154,7 +156,7 @@ fn matched_in<'a>(file: &'a PoseFile, photos: &[impl AsRef<Path>]) -> Result<Vec
             let nearest = |time_s: f64| {
                 let apart = |pose: &Pose| (pose.time_s.unwrap_or(f64::INFINITY) - time_s).abs();
                 let nearest = file.poses.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)))?;
-                // The names of photos have six digits, the trajectory may have four.
+                // Time stamps in photo names have six decimals; those of the trajectory may have four.
                 (apart(nearest) <= MAX_APART_S).then_some(nearest)
             };
             let found: Option<Vec<&Pose>> = times.and_then(|times| times.into_iter().map(nearest).collect());
@@ -180,7 +182,7 @@ fn stem(photo: &Path) -> Option<&str> {
     photo.file_stem()?.to_str()
 }
 
-/// The pose whose file is this photo's: the one that shares the most of the path's end, and the name at least.
+/// Returns the pose whose file path shares the longest end with the photo's, at least the file name.
 fn by_name<'a>(file: &'a PoseFile, photo: &Path) -> Result<&'a Pose, PoseError> {
     let parts: Vec<String> = photo.iter().rev().map(|part| part.to_string_lossy().into_owned()).collect();
     let name = parts.first().map_or("", String::as_str);
@@ -188,7 +190,7 @@ fn by_name<'a>(file: &'a PoseFile, photo: &Path) -> Result<&'a Pose, PoseError> 
         let own = pose.file.as_deref().unwrap_or_default();
         let mut own = own.rsplit(['/', '\\']).filter(|part| !part.is_empty() && *part != ".");
         let last = own.next()?;
-        // The synthetic scenes of NeRF name pictures without their ending.
+        // NeRF's synthetic scenes name images without extension.
         let bare = !last.contains('.') && Some(last) == stem(photo);
         (last == name || bare).then(|| 1 + own.zip(&parts[1..]).take_while(|(a, b)| a == b).count())
     };

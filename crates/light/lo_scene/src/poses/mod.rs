@@ -1,9 +1,9 @@
-//! Where the cameras of several photos stood: files of poses, as apps and other programs write them.
+//! Pose files: the poses of several photos, as written by apps and other programs.
 //!
-//! All become transforms from a camera's axes, which are ours (+X right, +Y up, looking along −Z), to one world, in metres. The content decides on the
-//! format:
+//! All poses become transforms from a camera's axes (+X right, +Y up, looking along −Z) to one world, in metres. The
+//! format is detected from the content:
 //!
-//! | format | known by | axes of its cameras | matched with photos by |
+//! | format | detected by | camera axes | matched with photos by |
 //! | --- | --- | --- | --- |
 //! | lightoctree | `photos` | `axes`: `opengl` (ours) or `opencv` | `file` |
 //! | Record3D `metadata.json` | `poses` | ours | the number in the photo's name |
@@ -36,19 +36,19 @@ pub use error::PoseError;
 pub use matching::PhotoPoses;
 pub use pose::{Lens, Pose};
 
-/// Longest file that is read: a Record3D video of an hour has some 30 MB.
+/// Longest file that is read, bytes; a Record3D video of an hour has some 30 MB.
 const MAX_FILE_BYTES: u64 = 48 << 20;
 
-/// What wrote a file of poses.
+/// Format of a pose file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PoseFormat {
-    /// Our own.
+    /// lightoctree's own format.
     Own,
     /// Record3D's `metadata.json`.
     Record3d,
-    /// A frame of 3D Scanner App.
+    /// Frames of 3D Scanner App.
     ScannerApp,
-    /// A key frame of Polycam.
+    /// Key frames of Polycam.
     Polycam,
     /// `transforms.json` of instant-ngp, nerfstudio and others.
     Nerf,
@@ -69,26 +69,26 @@ impl fmt::Display for PoseFormat {
     }
 }
 
-/// A file of poses.
+/// Content of a pose file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PoseFile {
-    /// Its name, for messages.
+    /// Name of the file, for messages.
     pub name: String,
-    /// What wrote it.
+    /// Its format.
     pub format: PoseFormat,
-    /// The poses, in the file's order; at least one.
+    /// The poses in the file's order; at least one.
     pub poses: Vec<Pose>,
-    /// Unit vector against gravity in the world of the poses, where the format says so.
+    /// Unit vector against gravity in the world of the poses, if the format states it.
     pub world_up: Option<Vec3>,
-    /// Whether it states a lens distortion, which nobody undoes here.
+    /// Whether the file states a lens distortion; it is not corrected.
     pub distorted: bool,
 }
 
 impl PoseFile {
-    /// Reads a file of any of the formats.
+    /// Reads a pose file of any format.
     ///
     /// # Errors
-    /// Of the file system, naming the path, and all of [`PoseFile::from_bytes`].
+    /// If the file cannot be read, naming the path, and all errors of [`PoseFile::from_bytes`].
     pub fn read(path: &Path) -> Result<Self, PoseError> {
         let name = path.display().to_string();
         let io = |source| PoseError::Read { path: name.clone(), source };
@@ -102,10 +102,10 @@ impl PoseFile {
         Self::from_bytes(&bytes, &name)
     }
 
-    /// Reads the bytes of such a file; `name` appears in errors.
+    /// Parses a pose file; `name` appears in errors.
     ///
     /// # Errors
-    /// A format that is not known; poses that are no rigid motions, with which one and why; intrinsics that are no numbers.
+    /// If the format is unknown, a pose is not a rigid transform, or intrinsics are not numbers.
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, PoseError> {
         let unknown = || PoseError::Unknown(name.to_owned());
         let text = std::str::from_utf8(bytes).map_err(|_| unknown())?;
@@ -125,7 +125,7 @@ impl PoseFile {
             tum::read(text, name)?
         };
         if file.poses.is_empty() {
-            return Err(content(name, "it holds no pose"));
+            return Err(content(name, "it has no poses"));
         }
         Ok(file)
     }
@@ -135,12 +135,13 @@ fn content(file: &str, what: impl ToString) -> PoseError {
     PoseError::Content { file: file.to_owned(), what: what.to_string() }
 }
 
-/// A number, also one that some programs write as text.
+/// Parses a number, including one that is written as text.
 fn number(value: &Value) -> Option<f64> {
     value.as_f64()
 }
 
-/// All numbers of nested arrays, row by row; `None` where something else is among them, or more than a matrix has.
+/// Returns all numbers of nested arrays in row-major order; `None` if there is anything else, or more than a matrix
+/// has.
 fn numbers(value: &Value) -> Option<Vec<f64>> {
     let mut all = Vec::new();
     for row in value.as_array()? {
@@ -155,7 +156,7 @@ fn numbers(value: &Value) -> Option<Vec<f64>> {
     Some(all)
 }
 
-/// Positions beyond this are no metres, and would not survive the difference of two of them.
+/// Largest coordinate of a position, metres; differences of larger ones would lose precision.
 const MAX_POSITION_M: f64 = 1e7;
 
 fn checked_position(position_m: DVec3, file: &str, pose: &str) -> Result<DVec3, PoseError> {

@@ -1,6 +1,8 @@
-//! `transforms.json`, which instant-ngp began and nerfstudio and many others write: `frames` of `file_path` and `transform_matrix` (camera to world,
-//! OpenGL's axes), intrinsics for all or for each. Which way its world is up is not agreed upon, nor its unit: metres are needed here.
-//! nerfstudio's `applied_scale` is undone.
+//! `transforms.json`, introduced by instant-ngp and written by nerfstudio and many others.
+//!
+//! It has `frames` with `file_path` and `transform_matrix` (camera to world, OpenGL's axes), and intrinsics for all
+//! or for each. Its up axis and unit are not standardised; metres are assumed. nerfstudio's `applied_scale` is
+//! undone.
 
 use lo_geometry::DVec3;
 use serde_json::Value;
@@ -10,12 +12,12 @@ use super::record3d::whole_size;
 use super::{Lens, Pose, PoseError, PoseFile, PoseFormat, content, number, numbers};
 
 pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
-    let frames = value["frames"].as_array().ok_or_else(|| content(name, "`frames` is no array"))?;
+    let frames = value["frames"].as_array().ok_or_else(|| content(name, "`frames` is not an array"))?;
     let scale = match value.get("applied_scale") {
         None => 1.0,
         Some(scale) => number(scale)
             .filter(|scale| scale.is_finite() && *scale > 0.0)
-            .ok_or_else(|| content(name, "`applied_scale` is no positive number"))?,
+            .ok_or_else(|| content(name, "`applied_scale` is not a positive number"))?,
     };
     let mut distorted = false;
     let mut poses = Vec::with_capacity(frames.len());
@@ -31,7 +33,7 @@ pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
         let coefficients = ["k1", "k2", "k3", "k4", "p1", "p2"];
         distorted |= coefficients.iter().filter_map(|key| number(of(key)?)).any(|k| k != 0.0);
         let rows = frame.get("transform_matrix").and_then(numbers);
-        let rows = rows.ok_or_else(|| content(name, format!("{file}: `transform_matrix` is no 4 × 4 matrix")))?;
+        let rows = rows.ok_or_else(|| content(name, format!("{file}: `transform_matrix` is not a 4 × 4 matrix")))?;
         let mut pose = Pose::from_rows(&rows, Axes::OpenGl, name, file)?;
         pose.position_m = super::checked_position(pose.position_m / DVec3::splat(scale), name, file)?;
         pose.file = Some(file.to_owned());
@@ -44,10 +46,10 @@ pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
 fn lens<'a>(of: &impl Fn(&str) -> Option<&'a Value>, name: &str) -> Result<Option<Lens>, PoseError> {
     let figure = |key: &str| match of(key) {
         None => Ok(None),
-        Some(value) => number(value).map(Some).ok_or_else(|| content(name, format!("`{key}` is no number"))),
+        Some(value) => number(value).map(Some).ok_or_else(|| content(name, format!("`{key}` is not a number"))),
     };
     let size = match (figure("w")?, figure("h")?) {
-        (Some(w), Some(h)) => Some(whole_size(w, h).ok_or_else(|| content(name, format!("a size of {w} × {h}")))?),
+        (Some(w), Some(h)) => Some(whole_size(w, h).ok_or_else(|| content(name, format!("invalid size {w} × {h}")))?),
         _ => None,
     };
     let Some(fx) = figure("fl_x")? else {

@@ -1,4 +1,4 @@
-//! Our own file:
+//! lightoctree's own pose file:
 //!
 //! ```json
 //! {
@@ -12,9 +12,9 @@
 //! }
 //! ```
 //!
-//! `axes` are the cameras': `opengl`, which is ours and need not be said, or `opencv`. `world_up`, against gravity, is optional, and so are `intrinsics`
-//! (pixels of the photo) or `hfov_deg`, and `exposure_ev`: stops by which a photo shows the same light brighter, +1 twice as bright. Where one photo has
-//! it, all must.
+//! `axes` are the cameras' axes: `opengl` (default) or `opencv`. Optional are `world_up` (against gravity),
+//! `intrinsics` (pixels of the photo) or `hfov_deg`, and `exposure_ev`: the photo's brightness relative to the others
+//! in stops, +1 twice as bright. If one photo has `exposure_ev`, all must.
 
 use lo_geometry::{DVec3, Vec3};
 use serde::Deserialize;
@@ -52,7 +52,7 @@ struct Intrinsics {
     cy: f64,
 }
 
-/// Stops beyond which no two photos of one room differ.
+/// Largest difference in exposure of two photos of one room, stops.
 const MAX_EXPOSURE_EV: f64 = 20.0;
 
 pub(super) fn read(value: Value, name: &str) -> Result<PoseFile, PoseError> {
@@ -60,7 +60,7 @@ pub(super) fn read(value: Value, name: &str) -> Result<PoseFile, PoseError> {
     let axes = file.axes.unwrap_or(Axes::OpenGl);
     let world_up = file.world_up.map(|up| {
         let up = DVec3::from_array(up).as_vec3();
-        up.try_normalize().ok_or_else(|| content(name, "`world_up` is no direction"))
+        up.try_normalize().ok_or_else(|| content(name, "`world_up` is not a direction"))
     });
     let world_up: Option<Vec3> = world_up.transpose()?;
     let mut poses = Vec::with_capacity(file.photos.len());
@@ -70,7 +70,7 @@ pub(super) fn read(value: Value, name: &str) -> Result<PoseFile, PoseError> {
             (Some(matrix), None, None) => {
                 let rows = numbers(&matrix).filter(|rows| rows.len() == 16);
                 let rows =
-                    rows.ok_or_else(|| content(name, format!("{label}: `world_from_camera` is no 4 × 4 matrix")))?;
+                    rows.ok_or_else(|| content(name, format!("{label}: `world_from_camera` is not a 4 × 4 matrix")))?;
                 Pose::from_rows(&rows, axes, name, &label)?
             }
             (None, Some(xyzw), Some(position_m)) => {
@@ -82,19 +82,19 @@ pub(super) fn read(value: Value, name: &str) -> Result<PoseFile, PoseError> {
             }
         };
         pose.lens = match (photo.intrinsics, photo.hfov_deg) {
-            (Some(_), Some(_)) => return Err(content(name, format!("{label} has `intrinsics` and `hfov_deg`"))),
+            (Some(_), Some(_)) => return Err(content(name, format!("{label} has both `intrinsics` and `hfov_deg`"))),
             (Some(Intrinsics { fx, fy, cx, cy }), None) => {
                 Some(Lens::Pixels { intrinsics: [fx, fy, cx, cy], size: None })
             }
             (None, hfov_deg) => hfov_deg.map(Lens::HfovDeg),
         };
         if let Some(value) = photo.exposure_ev.filter(|ev| !ev.is_finite() || ev.abs() > MAX_EXPOSURE_EV) {
-            return Err(content(name, format!("{label}: an exposure of {value} EV")));
+            return Err(content(name, format!("{label}: invalid exposure of {value} EV")));
         }
         poses.push(Pose { file: Some(photo.file), exposure_ev: photo.exposure_ev, ..pose });
     }
     if poses.iter().any(|pose| pose.exposure_ev.is_some()) && poses.iter().any(|pose| pose.exposure_ev.is_none()) {
-        return Err(content(name, "`exposure_ev` of some photos and not of all"));
+        return Err(content(name, "`exposure_ev` is set for some photos but not for all"));
     }
     Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Own, poses, world_up, distorted: false })
 }

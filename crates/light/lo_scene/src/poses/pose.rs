@@ -2,47 +2,47 @@ use lo_geometry::{DMat3, DQuat, DVec3, RigidTransform};
 
 use super::{PoseError, checked_position};
 
-/// What may be missing to unit length and right angles: files hold four digits and more.
+/// Largest deviation from unit length and from orthogonality; files have four digits or more.
 const TOLERANCE: f64 = 0.01;
 
-/// Where a camera stood, and what else its file says of it.
+/// Pose of a camera, with further data of its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pose {
-    /// The photo's file, where poses are named by it.
+    /// File name of the photo, if poses are identified by it.
     pub file: Option<String>,
-    /// When it was taken, seconds, where poses are named by it.
+    /// Time stamp in seconds, if poses are identified by it.
     pub time_s: Option<f64>,
-    /// World direction = this · camera direction; the camera's axes are ours.
+    /// Rotation from the camera's axes (ours) to the world's.
     pub(super) rotation: DMat3,
-    /// Where the camera stands in the world.
+    /// World position of the camera, metres.
     pub position_m: DVec3,
-    /// Its lens.
+    /// Intrinsics, if given.
     pub lens: Option<Lens>,
-    /// Stops by which it shows the same light brighter than the others' common measure: +1 is twice as bright.
+    /// Exposure relative to the other photos, stops; +1 is twice as bright.
     pub exposure_ev: Option<f64>,
 }
 
-/// What a file of poses says of a lens.
+/// Intrinsics of a camera as given in a pose file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lens {
-    /// Intrinsics.
+    /// Focal lengths and principal point.
     Pixels {
         /// `fx fy cx cy`, pixels.
         intrinsics: [f64; 4],
-        /// Size of the picture that they are of; the photo's own where it is not said.
+        /// Size of the image that they refer to; the photo's own if absent.
         size: Option<(u32, u32)>,
     },
-    /// Horizontal field of view in degrees, of a centred lens with square pixels.
+    /// Horizontal field of view in degrees, for a centred lens with square pixels.
     HfovDeg(f64),
 }
 
-/// Axes of a camera.
+/// Convention of a camera's axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Axes {
-    /// Ours: +X right, +Y up, looking along −Z.
+    /// OpenGL (ours): +X right, +Y up, looking along −Z.
     OpenGl,
-    /// +X right, +Y down, looking along +Z.
+    /// OpenCV: +X right, +Y down, looking along +Z.
     OpenCv,
 }
 
@@ -56,7 +56,7 @@ impl Axes {
 }
 
 impl Pose {
-    /// By a 4 × 4 or 3 × 4 matrix, row by row.
+    /// Creates a pose from a 4 × 4 or 3 × 4 matrix in row-major order.
     pub(super) fn from_rows(rows: &[f64], axes: Axes, file: &str, pose: &str) -> Result<Self, PoseError> {
         let wrong = |what: String| PoseError::NotRigid { file: file.to_owned(), pose: pose.to_owned(), what };
         if rows.len() != 16 && rows.len() != 12 {
@@ -67,7 +67,7 @@ impl Pose {
         }
         if rows.len() == 16 && rows[12..].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(a, b)| (a - b).abs() > 1e-6) {
             let last = &rows[12..];
-            return Err(wrong(format!("the last row is {last:?}, not 0 0 0 1; are its columns rows?")));
+            return Err(wrong(format!("the last row is {last:?}, not 0 0 0 1; is the matrix transposed?")));
         }
         let row = |i: usize| DVec3::new(rows[4 * i], rows[4 * i + 1], rows[4 * i + 2]);
         let matrix = DMat3::from_cols(row(0), row(1), row(2)).transpose();
@@ -75,7 +75,7 @@ impl Pose {
         Self::new(matrix, position_m, axes, file, pose)
     }
 
-    /// By a quaternion, its real part last.
+    /// Creates a pose from a quaternion, real part last.
     pub(super) fn from_quaternion(
         xyzw: [f64; 4],
         position_m: DVec3,
@@ -90,7 +90,7 @@ impl Pose {
         let quaternion = DQuat::from_array(xyzw);
         let length = quaternion.length();
         if (length - 1.0).abs() > TOLERANCE {
-            let what = format!("the quaternion has the length {length:.4}, not 1");
+            let what = format!("the quaternion has length {length:.4}, not 1");
             return Err(PoseError::NotRigid { file: file.to_owned(), pose: pose.to_owned(), what });
         }
         Self::new(DMat3::from_quat(quaternion.normalize()), position_m, axes, file, pose)
@@ -119,7 +119,7 @@ impl Pose {
         Ok(Self { file: None, time_s: None, rotation, position_m, lens: None, exposure_ev: None })
     }
 
-    /// Where another camera stands in this one's axes.
+    /// Returns the transform from another camera's axes to this one's.
     pub fn this_from(&self, other: &Self) -> RigidTransform {
         let back = self.rotation.transpose();
         let rotation = DQuat::from_mat3(&(back * other.rotation)).normalize();
@@ -129,7 +129,7 @@ impl Pose {
         }
     }
 
-    /// A direction of the world in this camera's axes.
+    /// Rotates a world direction to this camera's axes.
     pub fn camera_from_world(&self, direction: lo_geometry::Vec3) -> lo_geometry::Vec3 {
         (self.rotation.transpose() * direction.as_dvec3()).as_vec3()
     }

@@ -1,7 +1,9 @@
-//! Record3D, an app for iPhones and iPads with LiDAR: `metadata.json` of its "EXR + JPG sequence", and `metadata` in a `.r3d` archive.
+//! Record3D, an app for iPhones and iPads with LiDAR: `metadata.json` of its "EXR + JPG sequence", and `metadata` in
+//! a `.r3d` archive.
 //!
-//! By its author's word (github.com/marek-simonik/record3d, issues 27, 33, 36 and 64): poses are `[qx, qy, qz, qw, tx, ty, tz]`, camera to world, in
-//! OpenGL's axes, of the pictures as they are exported; the world is that of the first camera, *not* upright; `K` is written column by column.
+//! According to its author (github.com/marek-simonik/record3d, issues 27, 33, 36 and 64), poses are `[qx, qy, qz, qw,
+//! tx, ty, tz]`, camera to world, in OpenGL's axes, for the images as exported. The world is that of the first
+//! camera, *not* upright. `K` is in column-major order.
 
 use lo_geometry::DVec3;
 use serde_json::Value;
@@ -10,37 +12,37 @@ use super::pose::Axes;
 use super::{Lens, Pose, PoseError, PoseFile, PoseFormat, content, number, numbers};
 
 pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
-    let rows = value["poses"].as_array().ok_or_else(|| content(name, "`poses` is no array"))?;
+    let rows = value["poses"].as_array().ok_or_else(|| content(name, "`poses` is not an array"))?;
     let size = ["w", "h"].map(|key| value.get(key).and_then(number));
     let size = match size {
-        [Some(w), Some(h)] => Some(whole_size(w, h).ok_or_else(|| content(name, format!("a size of {w} × {h}")))?),
+        [Some(w), Some(h)] => Some(whole_size(w, h).ok_or_else(|| content(name, format!("invalid size {w} × {h}")))?),
         _ => None,
     };
     let common = value
         .get("K")
-        .map(|k| intrinsics_of_k(k).ok_or_else(|| content(name, "`K` is no 3 × 3 matrix")))
+        .map(|k| intrinsics_of_k(k).ok_or_else(|| content(name, "`K` is not a 3 × 3 matrix")))
         .transpose()?;
     let own = match value.get("perFrameIntrinsicCoeffs") {
         None | Some(Value::Null) => None,
         Some(rows) => {
-            let rows = rows.as_array().ok_or_else(|| content(name, "`perFrameIntrinsicCoeffs` is no array"))?;
+            let rows = rows.as_array().ok_or_else(|| content(name, "`perFrameIntrinsicCoeffs` is not an array"))?;
             (!rows.is_empty()).then_some(rows)
         }
     };
     if let Some(own) = own.filter(|own| own.len() != rows.len()) {
-        return Err(content(name, format!("intrinsics of {} frames, poses of {}", own.len(), rows.len())));
+        return Err(content(name, format!("intrinsics for {} frames, but poses for {}", own.len(), rows.len())));
     }
     let mut poses = Vec::with_capacity(rows.len());
     for (index, row) in rows.iter().enumerate() {
         let label = format!("frame {index}");
         let Some(&[x, y, z, w, tx, ty, tz]) = numbers(row).as_deref() else {
-            return Err(content(name, format!("the pose of {label} is no seven numbers")));
+            return Err(content(name, format!("the pose of {label} is not seven numbers")));
         };
         let mut pose = Pose::from_quaternion([x, y, z, w], DVec3::new(tx, ty, tz), Axes::OpenGl, name, &label)?;
         let intrinsics = match own {
             Some(own) => match numbers(&own[index]).as_deref() {
                 Some(&[fx, fy, cx, cy]) => Some([fx, fy, cx, cy]),
-                _ => return Err(content(name, format!("the intrinsics of {label} are no four numbers"))),
+                _ => return Err(content(name, format!("the intrinsics of {label} are not four numbers"))),
             },
             None => common,
         };
@@ -50,14 +52,14 @@ pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
     Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Record3d, poses, world_up: None, distorted: false })
 }
 
-/// `fx fy cx cy` of a matrix that is written column by column; row by row is understood too, by where the zeros are.
+/// Reads `fx fy cx cy` from a column-major matrix; a row-major one is recognised by its zeros.
 fn intrinsics_of_k(k: &Value) -> Option<[f64; 4]> {
     let k: [f64; 9] = numbers(k)?.try_into().ok()?;
     let by_rows = k[6] == 0.0 && k[7] == 0.0 && (k[2] != 0.0 || k[5] != 0.0);
     Some(if by_rows { [k[0], k[4], k[2], k[5]] } else { [k[0], k[4], k[6], k[7]] })
 }
 
-/// Width and height, where they are counts of pixels.
+/// Returns width and height if they are valid pixel counts.
 pub(super) fn whole_size(width: f64, height: f64) -> Option<(u32, u32)> {
     let whole = |v: f64| (v.fract() == 0.0 && (1.0..=1e6).contains(&v)).then_some(v as u32);
     Some((whole(width)?, whole(height)?))

@@ -5,7 +5,7 @@ use super::*;
 
 const PHOTOS: [&str; 2] = ["shots/a.jpg", "shots/b.jpg"];
 
-/// Where the second camera stands in the first one's axes, by files of these contents.
+/// Pose of the second camera in the first one's axes, from files of these contents.
 fn second(files: &[&str], photos: &[&str]) -> Result<(Vec3, Quat, PhotoPoses), PoseError> {
     let name = |index: usize| format!("poses {index}");
     let files: Vec<PoseFile> = files
@@ -29,15 +29,16 @@ fn own(a: &str, b: &str) -> String {
 /// The world's origin.
 const HOME: &str = r#""rotation_xyzw": [0, 0, 0, 1], "position_m": [0, 0, 0]"#;
 
-/// One and the same pair of cameras in every format: the first 1 m up and turned left by 90°, so that it looks along −X; the second 2 m before it, turned left
-/// by 90° once more. In the first one's axes it stands at (0, 0, −2) and looks along −X.
+/// One pair of cameras in every format: the first is 1 m up and turned left by 90°, so that it looks along −X; the
+/// second is 2 m in front of it, turned left by 90° once more. In the first one's axes it is at (0, 0, −2) and looks
+/// along −X.
 #[test]
 fn all_formats_tell_of_the_same_cameras() {
     let half = 0.5f64.sqrt();
-    // Columns: where the camera's axes point in the world, and where it stands.
+    // Columns: directions of the camera's axes in the world, and its position.
     let a = "0, 0, 1, 0,  0, 1, 0, 1,  -1, 0, 0, 0,  0, 0, 0, 1";
     let b = "-1, 0, 0, -2,  0, 1, 0, 1,  0, 0, -1, 0,  0, 0, 0, 1";
-    // In OpenCV's axes the second and third column are turned round.
+    // In OpenCV's axes the second and third column are negated.
     let (a_cv, b_cv) = (
         "0, 0, -1, 0,  0, -1, 0, 1,  -1, 0, 0, 0,  0, 0, 0, 1",
         "-1, 0, 0, -2,  0, -1, 0, 1,  0, 0, 1, 0,  0, 0, 0, 1",
@@ -83,7 +84,7 @@ fn all_formats_tell_of_the_same_cameras() {
             rows(&a)
         )
     };
-    // Of a camera in OpenCV's axes: q · (turn by 180° about x).
+    // Camera in OpenCV's axes: q · (rotation by 180° about x).
     let tum = format!(
         "# timestamp tx ty tz qx qy qz qw\n10.0 0 0 0 0 0 0 1\n20.004 0 1 0 {half} 0 {} 0\n30.0 -2 1 0 0 0 -1 0\n",
         -half
@@ -121,7 +122,7 @@ fn lenses_are_those_of_the_picture_at_hand() {
             format!(r#"{{"w": 960, "h": 720, {rest}, "poses": [[0, 0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 1, 0, 0]]}}"#);
         second(&[&text], &["0.jpg", "1.jpg"]).unwrap().2
     };
-    // Half of the size, half of the numbers.
+    // Half the size, half the numbers.
     let camera = file(k).camera(0, 480, 360).unwrap().unwrap();
     assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (350.0, 350.5, 235.0, 182.5));
     let own = r#""perFrameIntrinsicCoeffs": [[1, 1, 1, 1], [710, 711, 480, 360]]"#;
@@ -139,7 +140,7 @@ fn lenses_are_those_of_the_picture_at_hand() {
 
 #[test]
 fn upright_worlds_say_which_way_is_up_for_the_first_camera() {
-    // Pitched down by 30°: up lies before the camera's own up.
+    // Pitched down by 30°: up is in front of the camera's own up.
     let (sin, cos) = 30f64.to_radians().sin_cos();
     let a = format!("1, 0, 0, 0,  0, {cos}, {sin}, 0,  0, {}, {cos}, 0,  0, 0, 0, 1", -sin);
     let files =
@@ -156,7 +157,7 @@ fn exposures_are_relative_to_the_first() {
     assert_eq!(second(&[&file], &PHOTOS).unwrap().2.exposures_ev(), Some(vec![0.0, 1.5]));
     assert_eq!(second(&[&own(HOME, HOME)], &PHOTOS).unwrap().2.exposures_ev(), None);
     let some = refusal(&[&own(HOME, &format!(r#"{HOME}, "exposure_ev": 0.5"#))], &PHOTOS);
-    assert!(some.contains("of some photos and not of all"), "{some}");
+    assert!(some.contains("for some photos but not for all"), "{some}");
 }
 
 #[test]
@@ -164,11 +165,11 @@ fn what_is_no_pose_is_named() {
     let matrix = |numbers: &str| refusal(&[&own(HOME, &format!(r#""world_from_camera": [{numbers}]"#))], &PHOTOS);
     let cases = [
         (matrix("2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1"), "the pose of b.jpg scales by 2.000"),
-        (matrix("-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1"), "the pose of b.jpg mirrors"),
+        (matrix("-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1"), "the pose of b.jpg is mirrored"),
         (matrix("1, 0.5, 0, 0, 0, 0.866, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1"), "two of its axes meet at 60.0 degrees"),
         (matrix("1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 3, 0, 0, 1"), "the last row is [3.0, 0.0, 0.0, 1.0]"),
-        (matrix("1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0"), "`world_from_camera` is no 4 × 4 matrix"),
-        (matrix("1, 0, 0, 1e9, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1"), "holds 1000000000"),
+        (matrix("1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0"), "`world_from_camera` is not a 4 × 4 matrix"),
+        (matrix("1, 0, 0, 1e9, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1"), "contains 1000000000"),
         (matrix("0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1"), "scales by 0.000"),
         (matrix("1, 0, 0, 51, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1"), "51.0 m apart"),
         (
@@ -177,21 +178,21 @@ fn what_is_no_pose_is_named() {
         ),
         (refusal(&[&own(HOME, r#""position_m": [0, 0, 0]"#)], &PHOTOS), "b.jpg needs `world_from_camera`, or"),
         (refusal(&[&own(HOME, &format!(r#"{HOME}, "fov": 3"#))], &PHOTOS), "unknown field `fov`"),
-        (refusal(&[&own(HOME, HOME)], &["a.jpg", "c.jpg"]), "holds no pose of c.jpg"),
-        (refusal(&[&own(HOME, HOME).replace("a.jpg", "b.jpg")], &PHOTOS), "holds no pose of shots/a.jpg"),
+        (refusal(&[&own(HOME, HOME)], &["a.jpg", "c.jpg"]), "has no pose of c.jpg"),
+        (refusal(&[&own(HOME, HOME).replace("a.jpg", "b.jpg")], &PHOTOS), "has no pose of shots/a.jpg"),
         (refusal(&[&own(HOME, HOME).replace("a.jpg", "b.jpg")], &["b.jpg", "b.jpg"]), "several poses of b.jpg"),
-        (refusal(&["10.0 0 0 0 0 0 nan 1\n"], &PHOTOS), "the pose of line 1 holds NaN"),
-        (refusal(&["10.0 0 0 0 0 0 0 1\n20 1 2\n"], &PHOTOS), "line 2 is no eight numbers"),
+        (refusal(&["10.0 0 0 0 0 0 nan 1\n"], &PHOTOS), "the pose of line 1 contains NaN"),
+        (refusal(&["10.0 0 0 0 0 0 0 1\n20 1 2\n"], &PHOTOS), "line 2 is not eight numbers"),
         (refusal(&["10.0 0 0 0 0 0 0 1\n"], &["1.png", "9.png"]), "within 20 ms"),
-        (refusal(&["hello"], &PHOTOS), "no known file of poses"),
-        (refusal(&[r#"{"cameras": []}"#], &PHOTOS), "no known file of poses"),
-        (refusal(&[r#"{"photos": []}"#], &PHOTOS), "it holds no pose"),
+        (refusal(&["hello"], &PHOTOS), "unknown pose file format"),
+        (refusal(&[r#"{"cameras": []}"#], &PHOTOS), "unknown pose file format"),
+        (refusal(&[r#"{"photos": []}"#], &PHOTOS), "it has no poses"),
         (refusal(&[r#"{"photos": "#], &PHOTOS), "EOF"),
-        (refusal(&[r#"{"poses": [[0, 0, 0, 1, 0, 0, 0]]}"#], &["0.jpg", "1.jpg"]), "holds no pose of 1.jpg"),
-        (refusal(&[r#"{"poses": [[0, 0, 0, 1, 0, 0]]}"#], &["0.jpg", "1.jpg"]), "frame 0 is no seven numbers"),
+        (refusal(&[r#"{"poses": [[0, 0, 0, 1, 0, 0, 0]]}"#], &["0.jpg", "1.jpg"]), "has no pose of 1.jpg"),
+        (refusal(&[r#"{"poses": [[0, 0, 0, 1, 0, 0]]}"#], &["0.jpg", "1.jpg"]), "frame 0 is not seven numbers"),
         (
             refusal(&[r#"{"poses": [[0, 0, 0, 1, 0, 0, 0]]}"#], &["a.jpg", "b.jpg"]),
-            "by the numbers that Record3D names",
+            "by the number in the photo's name, such as",
         ),
         (
             refusal(&[r#"{"camera_model": "OPENCV_FISHEYE", "frames": [{"file_path": "a.jpg"}]}"#], &PHOTOS),
@@ -199,10 +200,10 @@ fn what_is_no_pose_is_named() {
         ),
         (
             refusal(&[r#"{"cameraPoseARFrame": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}"#], &PHOTOS),
-            "1 files of poses for 2 photos",
+            "1 pose files for 2 photos",
         ),
-        (refusal(&[&own(HOME, HOME), &own(HOME, HOME)], &PHOTOS), "poses 0 holds 2 poses"),
-        (refusal(&[&own(HOME, HOME), &own(HOME, HOME)], &["a.jpg", "b.jpg", "c.jpg"]), "2 files of poses for 3 photos"),
+        (refusal(&[&own(HOME, HOME), &own(HOME, HOME)], &PHOTOS), "poses 0 has 2 poses"),
+        (refusal(&[&own(HOME, HOME), &own(HOME, HOME)], &["a.jpg", "b.jpg", "c.jpg"]), "2 pose files for 3 photos"),
     ];
     for (message, expected) in cases {
         assert!(message.contains(expected), "{message:?} has no {expected:?}");

@@ -1,4 +1,5 @@
-//! Trajectories as of the TUM RGB-D benchmark: lines of `time tx ty tz qx qy qz qw`, camera to world, OpenCV's axes (Sturm et al. 2012).
+//! Trajectories of the TUM RGB-D benchmark: lines of `time tx ty tz qx qy qz qw`, camera to world, OpenCV's axes
+//! (Sturm et al. 2012).
 
 use lo_geometry::DVec3;
 
@@ -15,11 +16,11 @@ pub(super) fn read(text: &str, name: &str) -> Result<PoseFile, PoseError> {
         let fields = line.split([' ', '\t', ',']).filter(|field| !field.is_empty());
         let fields: Option<Vec<f64>> = fields.map(|field| field.parse().ok()).collect();
         let Some(&[time_s, tx, ty, tz, x, y, z, w]) = fields.as_deref() else {
-            // Whatever begins otherwise is some other file.
+            // A file with another first line has another format.
             return Err(if poses.is_empty() {
                 PoseError::Unknown(name.to_owned())
             } else {
-                content(name, format!("line {} is no eight numbers `time tx ty tz qx qy qz qw`", index + 1))
+                content(name, format!("line {} is not eight numbers `time tx ty tz qx qy qz qw`", index + 1))
             });
         };
         let label = format!("line {}", index + 1);

@@ -51,7 +51,7 @@ fn occlusion(sample: &Sample, depth_m: DepthMap, z_m: f32) -> Image<f32> {
         .map(|d| RadiancePoint { position_m: 9.0 * d, radiance: [0.5; 3], provenance: Provenance::Inferred })
         .collect();
     let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 20.0), 3, 2).unwrap().0;
-    let inserter = Inserter::new(&LitScene::as_seen(light, frame), Lighting::Octree, Quality::Draft).unwrap();
+    let inserter = Inserter::new(&LitScene::observed_only(light, frame), Lighting::Octree, Quality::Draft).unwrap();
     let (model, placement) = card(sample, z_m);
     inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore).unwrap().occlusion
 }

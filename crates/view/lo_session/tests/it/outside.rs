@@ -33,7 +33,7 @@ fn scene(mut cells: Vec<(u32, [f32; 4], u8)>, cube: Cube, depth: u32) -> Arc<Ope
     let photo = Photo::Srgb8(Image::new(8, 6, vec![[120; 3]; 48]));
     let camera = Camera::new(5.0, 5.0, 4.0, 3.0, 8, 6).unwrap();
     let frame = Frame::new(photo, Image::new(8, 6, vec![1.5; 48]), camera, 1.0).unwrap();
-    Arc::new(OpenScene::new("room.scene", Estimate::as_seen(light, frame)))
+    Arc::new(OpenScene::new("room.scene", Estimate::observed_only(light, frame)))
 }
 
 fn room() -> Arc<OpenScene> {

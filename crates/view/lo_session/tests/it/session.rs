@@ -407,7 +407,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
             // Names tell objects apart, and every state can be told on a command line.
             let state = session.state();
             assert!(state.objects.is_empty() || state.layout().is_ok(), "{state:?}");
-            assert!(state.lights.guessed.is_none_or(|guessed| guessed.tuning.wrong().is_none()), "{state:?}");
+            assert!(state.lights.guessed.is_none_or(|guessed| guessed.tuning.invalid_field().is_none()), "{state:?}");
         }
         session.commit();
         while session.redo() {}

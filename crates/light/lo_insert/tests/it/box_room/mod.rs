@@ -1,4 +1,4 @@
-//! A box room with a lamp, and what is put into it.
+//! A box room with a lamp, and objects for it.
 #![allow(dead_code, reason = "no test needs all of it")]
 
 use lo_geometry::{Camera, Cube, Plane, Vec3};
@@ -13,7 +13,7 @@ pub const HIGH: Vec3 = Vec3::new(2.0, 1.5, 1.0);
 pub const WIDTH: usize = 120;
 pub const HEIGHT: usize = 80;
 
-/// Distance from inside of the room to its walls along a direction.
+/// Returns the distance from inside the room to its walls along a direction.
 pub fn wall_distance(origin: Vec3, direction: Vec3) -> f32 {
     let (a, b) = ((LOW - origin) / direction, (HIGH - origin) / direction);
     a.max(b).min_element()
@@ -24,12 +24,12 @@ pub fn wall_radiance(p: Vec3) -> [f32; 3] {
     if lamp { [12.0, 11.0, 10.0] } else { [0.3 + 0.1 * (3.0 * p.x).sin(), 0.4, 0.3 + 0.1 * (2.0 * p.z).cos()] }
 }
 
-/// A box room with a lamp; the photo is made by `photo` from the radiance image.
+/// A box room with a lamp; `photo` makes the photo from the radiance image.
 pub fn scene(photo: impl Fn(RadianceImage) -> Photo) -> LitScene {
     room(photo, wall_radiance, wall_radiance)
 }
 
-/// The room with its radiance as the octree knows it, and as the photo shows it.
+/// The room with separate radiances for the octree and for the photo.
 pub fn room(
     photo: impl Fn(RadianceImage) -> Photo,
     known: impl Fn(Vec3) -> [f32; 3],
@@ -53,7 +53,7 @@ pub fn room(
     let radiance = Image::from_fn(WIDTH, HEIGHT, |x, y| seen(point(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -point(x, y).z);
     let frame = Frame::new(photo(radiance), depth_m, camera, 1.0).unwrap();
-    LitScene::as_seen(light, frame)
+    LitScene::observed_only(light, frame)
 }
 
 pub fn linear_scene() -> LitScene {
@@ -108,7 +108,7 @@ pub fn changed(composite: &Composite) -> impl Fn(usize) -> bool {
     |i| composite.alpha.pixels()[i] > 0.0 || composite.shadow_ratio.pixels()[i] != [1.0; 3]
 }
 
-/// The model of a slab that is `width` × `depth` and 0.1 high.
+/// A slab of `width` × `depth`, 0.1 high.
 pub fn slab(width: f32, depth: f32) -> PreparedModel {
     let (low, high) = (Vec3::new(-0.5 * width, 0.0, -0.5 * depth), Vec3::new(0.5 * width, 0.1, 0.5 * depth));
     let corner = |i: usize| {

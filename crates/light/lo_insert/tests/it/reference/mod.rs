@@ -1,4 +1,4 @@
-//! A box room with a lamp in its ceiling and bodies in it, solved plainly in f64: what insertion is measured against.
+//! Reference for insertion: a box room with a ceiling lamp and bodies in it, solved plainly in f64.
 
 use std::f64::consts::PI;
 
@@ -45,7 +45,7 @@ pub struct Room {
     pub low: V,
     pub high: V,
     pub albedo: [V; 6],
-    /// Lamp: least and greatest x, least and greatest z.
+    /// Lamp: smallest and largest x, smallest and largest z.
     pub lamp: [f64; 4],
     pub emission: V,
 }
@@ -70,7 +70,7 @@ pub struct Hit {
     pub surface: Surface,
 }
 
-/// What a ray meets.
+/// Surface that a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surface {
     Wall(usize),
@@ -78,7 +78,7 @@ pub enum Surface {
 }
 
 impl Body {
-    /// From a point outside of it to its surface.
+    /// Returns the distance from an outside point to its surface.
     pub fn distance_m(&self, point: V) -> f64 {
         match *self {
             Body::Sphere { centre, radius } => dot(sub(point, centre), sub(point, centre)).sqrt() - radius,
@@ -120,7 +120,7 @@ impl Body {
 }
 
 impl Room {
-    /// Where a ray from inside meets the walls.
+    /// Returns the intersection of a ray from inside with the walls.
     pub fn wall(&self, origin: V, direction: V) -> Hit {
         let mut best = (f64::INFINITY, 0);
         for wall in 0..6usize {
@@ -154,7 +154,7 @@ impl Room {
         (self.lamp[1] - self.lamp[0]) * (self.lamp[3] - self.lamp[2])
     }
 
-    /// Emission times geometry term towards a point of the lamp, and the direction and distance to it.
+    /// Returns emission times geometry term towards a point of the lamp, with direction and distance.
     fn lamp_term(&self, position: V, normal: V, s: f64, t: f64) -> (V, V, f64) {
         let lamp = [
             self.lamp[0] + (self.lamp[1] - self.lamp[0]) * s,
@@ -162,14 +162,14 @@ impl Room {
             self.lamp[2] + (self.lamp[3] - self.lamp[2]) * t,
         ];
         let offset = sub(lamp, position);
-        // A point of the lamp itself gets nothing from it.
+        // A point of the lamp itself receives nothing from it.
         let squared = dot(offset, offset).max(1e-12);
         let direction = scale(offset, 1.0 / squared.sqrt());
         let term = dot(normal, direction).max(0.0) * direction[1].max(0.0) / squared * self.lamp_area();
         (scale(self.emission, term), direction, squared.sqrt())
     }
 
-    /// Irradiance from the unoccluded lamp by an n × n midpoint rule.
+    /// Returns the irradiance from the unoccluded lamp by an n × n midpoint rule.
     fn direct(&self, position: V, normal: V, n: usize) -> V {
         let mut sum = [0.0; 3];
         for i in 0..n * n {
@@ -204,7 +204,7 @@ impl<'a> Solution<'a> {
         let axis = wall / 2;
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut position = if wall.is_multiple_of(2) { room.low } else { room.high };
-        // Just inside of the edges, where neighbouring walls meet.
+        // Just inside the edges, where neighbouring walls meet.
         let along = |k: usize| 0.002 + 0.996 * k as f64 / (GRID - 1) as f64;
         position[a] = room.low[a] + (room.high[a] - room.low[a]) * along(i % GRID);
         position[b] = room.low[b] + (room.high[b] - room.low[b]) * along(i / GRID);
@@ -243,13 +243,13 @@ impl<'a> Solution<'a> {
         scale(mul(self.room.albedo[wall], irradiance), 1.0 / PI)
     }
 
-    /// Radiance that leaves a wall (the lamp shines alone).
+    /// Returns the radiance that leaves a wall; of the lamp, its emission only.
     pub fn radiance(&self, hit: &Hit) -> V {
         if self.room.on_lamp(hit) { self.room.emission } else { self.reflected(hit, 12) }
     }
 }
 
-/// Path tracing of the room with the bodies.
+/// Path tracer of the room with the bodies.
 pub struct Tracer<'a> {
     pub room: &'a Room,
     pub bodies: &'a [(Body, Finish)],
@@ -284,7 +284,8 @@ impl Tracer<'_> {
         add(scale(finish.base, (1.0 - f) / PI), [specular; 3])
     }
 
-    /// Mean radiance of `paths` paths (a square number) that begin at a point of a surface that is not the lamp, towards `view`.
+    /// Returns the mean radiance towards `view` of `paths` paths (a square number) that begin at a surface point
+    /// outside the lamp.
     pub fn reflected(&self, hit: &Hit, view: V, paths: usize, random: &mut Random) -> V {
         let side = (paths as f64).sqrt() as usize;
         let mut sum = [0.0; 3];
@@ -314,7 +315,7 @@ impl Tracer<'_> {
             if irradiance != [0.0; 3] && self.hit(origin, direction).distance > distance - 1e-4 {
                 radiance = add(radiance, mul(throughput, mul(irradiance, self.brdf(&hit, view, direction))));
             }
-            // The next direction, by cosine.
+            // The next direction, cosine-weighted.
             let (radius, angle) = (around[0].sqrt(), 2.0 * PI * around[1]);
             let helper = if hit.normal[0].abs() > 0.5 { [0.0, 1.0, 0.0] } else { [1.0, 0.0, 0.0] };
             let n = hit.normal;

@@ -10,18 +10,18 @@ use crate::InsertError;
 /// Long side at which normals are fitted; finer depth only adds noise to them.
 const NORMAL_SIDE: usize = 480;
 
-/// Pixels around the one that is asked for that its normal depends on, and some more.
+/// Pixels around a pixel that its normal depends on, with a margin.
 const NORMAL_REACH: usize = 8;
 
-/// A reading's tangent plane stands for it up to this share of its depth before or behind it.
+/// Reach of a reading's tangent plane, as a share of its depth.
 const PLANE_REACH: f32 = 0.03;
 
-/// The real surfaces that the photo sees: points and normals, at a resolution of its own.
+/// Observed real surfaces: depth and normals, at their own resolution.
 #[derive(Clone, Debug)]
 pub(crate) struct SurfaceMap {
     pub camera: Camera,
     pub depth_m: DepthMap,
-    /// Zero where there is no surface.
+    /// Unit normals; zero without a surface.
     pub normals: Image<Vec3>,
 }
 
@@ -34,26 +34,27 @@ pub(crate) struct Surface {
 }
 
 impl SurfaceMap {
-    /// At the resolution at which normals are fitted.
+    /// Fits normals at their resolution.
     pub fn new(frame: &Frame) -> Self {
         Self::fitted(limited(frame, NORMAL_SIDE))
     }
 
-    /// [`SurfaceMap::new`], less flying pixels, with nothing but holes well beyond the [window](Self::window) in which world points are seen.
+    /// [`SurfaceMap::new`] without flying pixels, with holes outside the [window](Self::window) of some world points.
     pub fn around(frame: &Frame, points: &[Vec3]) -> Self {
         Self::near(frame, &relative(&frame.camera, points))
     }
 
-    /// Columns and rows in which world points are seen, and as many pixels around as decide on a normal.
+    /// Returns the columns and rows that contain the image positions of world points, with a margin for their
+    /// normals.
     pub fn window(&self, points: &[Vec3]) -> (Range<usize>, Range<usize>) {
         widened(&relative(&self.camera, points), (self.width(), self.height()), NORMAL_REACH)
     }
 
-    /// The same around relative image positions.
+    /// [`SurfaceMap::around`] for relative image positions.
     fn near(frame: &Frame, places: &[(f64, f64)]) -> Self {
         let mut frame = limited(&without_photo(frame).without_flying_pixels(), NORMAL_SIDE);
         let (width, height) = (frame.depth_m.width(), frame.depth_m.height());
-        // The normals of the pixels around are as they are without holes, too.
+        // A larger margin, so that holes do not change the normals of the pixels around.
         let (columns, rows) = widened(places, (width, height), 2 * NORMAL_REACH);
         let depth_m = &frame.depth_m;
         frame.depth_m = Image::from_fn(width, height, |x, y| {
@@ -67,12 +68,13 @@ impl SurfaceMap {
         Self { camera: frame.camera, depth_m: frame.depth_m, normals }
     }
 
-    /// The same surfaces with depth at another resolution, its longer side at most `side` and never above the photo's.
+    /// Resamples depth to another resolution, its longer side at most `side` and never above the photo's; normals are
+    /// interpolated.
     pub fn resampled(&self, frame: &Frame, side: usize) -> Self {
         self.resampled_with(frame, side, DepthMap::clone)
     }
 
-    /// The same with what `improve` makes of the resampled depth.
+    /// [`SurfaceMap::resampled`] with `improve` applied to the resampled depth.
     pub fn resampled_with(&self, frame: &Frame, side: usize, improve: impl FnOnce(&DepthMap) -> DepthMap) -> Self {
         let frame = limited(frame, side);
         let depth_m = improve(&frame.depth_m);
@@ -85,7 +87,8 @@ impl SurfaceMap {
         Self { camera: frame.camera, depth_m, normals }
     }
 
-    /// Normal for pixel `(x, y)` of another depth map of the same view: mean of the neighbours at about the same depth.
+    /// Returns the normal for pixel `(x, y)` of another depth map of the same view: the mean of neighbours at similar
+    /// depth.
     fn normal_near(&self, x: usize, y: usize, depth_m: &DepthMap) -> Vec3 {
         let z = depth_m[(x, y)];
         if z <= 0.0 {
@@ -110,7 +113,7 @@ impl SurfaceMap {
         self.depth_m.height()
     }
 
-    /// The surface at the centre of a pixel.
+    /// Returns the surface at the centre of a pixel.
     pub fn pixel(&self, x: usize, y: usize) -> Option<Surface> {
         let (z, normal) = (self.depth_m[(x, y)], self.normals[(x, y)]);
         if z <= 0.0 || normal == Vec3::ZERO {
@@ -120,29 +123,30 @@ impl SurfaceMap {
         Some(Surface { position_m, normal })
     }
 
-    /// The surface at a relative image position in [0, 1]²: on the plane of the nearest pixel, `None` at holes.
+    /// Returns the surface at a relative image position in [0, 1]²: on the plane of the nearest pixel, `None` at
+    /// holes.
     pub fn at(&self, u: f64, v: f64) -> Option<Surface> {
         let (x, y) = self.nearest(u, v)?;
         let surface = self.pixel(x, y)?;
         let direction = self.camera.unproject(u * self.width() as f64, v * self.height() as f64, 1.0);
-        // On the tangent plane, except where that would run away from the reading (nearly edge-on).
+        // On the tangent plane, unless that deviates from the reading (nearly edge-on).
         let distance = surface.normal.dot(surface.position_m) / surface.normal.dot(direction);
         let z = self.depth_m[(x, y)];
         let distance = if (distance - z).abs() < PLANE_REACH * z { distance } else { z };
         Some(Surface { position_m: direction * distance, ..surface })
     }
 
-    /// Depth of the pixel that contains a relative image position; `None` at holes.
+    /// Returns the depth of the pixel that contains a relative image position; `None` at holes.
     pub fn reading_m(&self, u: f64, v: f64) -> Option<f32> {
         self.nearest(u, v).map(|pixel| self.depth_m[pixel]).filter(|&z| z > 0.0)
     }
 
-    /// A depth in metres that lies before [`SurfaceMap::at`] at the same place; infinite at holes.
+    /// Returns a lower bound in metres of the depth of [`SurfaceMap::at`] at a position; infinite at holes.
     pub fn depth_before_m(&self, u: f64, v: f64) -> f32 {
         self.reading_m(u, v).map_or(f32::INFINITY, |reading_m| (1.0 - 2.0 * PLANE_REACH) * reading_m)
     }
 
-    /// The pixel that contains a relative image position.
+    /// Returns the pixel that contains a relative image position.
     fn nearest(&self, u: f64, v: f64) -> Option<(usize, usize)> {
         let (x, y) = (u * self.width() as f64, v * self.height() as f64);
         let inside = x >= 0.0 && y >= 0.0 && x < self.width() as f64 && y < self.height() as f64;
@@ -150,13 +154,14 @@ impl SurfaceMap {
     }
 }
 
-/// Relative image positions at which world points are seen.
+/// Returns the relative image positions of world points.
 fn relative(camera: &Camera, points: &[Vec3]) -> Vec<(f64, f64)> {
     let seen = points.iter().filter_map(|&point| camera.project(point));
     seen.map(|(u, v, _)| (u / f64::from(camera.width), v / f64::from(camera.height))).collect()
 }
 
-/// Columns and rows of an image that hold relative positions, with `reach` pixels around; none without positions.
+/// Returns the columns and rows of an image that contain relative positions, with a margin of `reach` pixels; empty
+/// without positions.
 fn widened(places: &[(f64, f64)], (width, height): (usize, usize), reach: usize) -> (Range<usize>, Range<usize>) {
     let range = |length: usize, of: fn(&(f64, f64)) -> f64| {
         let pixels = places.iter().map(|place| (of(place) * length as f64) as usize);
@@ -166,13 +171,14 @@ fn widened(places: &[(f64, f64)], (width, height): (usize, usize), reach: usize)
     if places.is_empty() { (0..0, 0..0) } else { (range(width, |place| place.0), range(height, |place| place.1)) }
 }
 
-/// The real surface seen at photo position `(u, v)`, pixel centres at +0.5: position in world metres and unit normal towards the
-/// camera.
+/// Returns the real surface at photo position `(u, v)`, pixel centres at +0.5: position in world metres and unit
+/// normal towards the camera.
 ///
-/// The reading is that of the depth map at 480 pixels on the long side at most, which smooths noise; a flying pixel counts as none.
+/// It uses the depth map at 480 pixels on the long side at most, which smooths noise. A flying pixel counts as no
+/// reading.
 ///
 /// # Errors
-/// Outside of the photo, and where the depth map has no reading.
+/// If the position is outside of the photo, or the depth map has no reading there.
 pub fn surface_at_pixel(scene: &Estimate, u: f64, v: f64) -> Result<(Vec3, Vec3), InsertError> {
     let (width, height) = (scene.frame.photo.width(), scene.frame.photo.height());
     let inside = (0.0..width as f64).contains(&u) && (0.0..height as f64).contains(&v);
@@ -185,21 +191,21 @@ pub fn surface_at_pixel(scene: &Estimate, u: f64, v: f64) -> Result<(Vec3, Vec3)
     Ok((surface.position_m, surface.normal))
 }
 
-/// The real surfaces that a photo sees, made ready for who asks often: [`surface_at_pixel`] at any place.
+/// Observed real surfaces, precomputed for many calls: [`surface_at_pixel`] at any position.
 #[derive(Debug)]
-pub struct SeenSurfaces {
+pub struct ObservedSurfaces {
     map: SurfaceMap,
     photo: (usize, usize),
 }
 
-impl SeenSurfaces {
-    /// Those of a scene, which is not needed after.
+impl ObservedSurfaces {
+    /// Computes the surfaces of a scene.
     pub fn new(scene: &Estimate) -> Self {
         let map = SurfaceMap::new(&without_photo(&scene.frame).without_flying_pixels());
         Self { map, photo: (scene.frame.photo.width(), scene.frame.photo.height()) }
     }
 
-    /// The surface seen at photo position `(u, v)`; `None` outside of the photo and where the depth map has no reading.
+    /// Returns the surface at photo position `(u, v)`; `None` outside of the photo and where there is no reading.
     pub fn at_pixel(&self, u: f64, v: f64) -> Option<(Vec3, Vec3)> {
         let surface = self.map.at(u / self.photo.0 as f64, v / self.photo.1 as f64)?;
         Some((surface.position_m, surface.normal))
@@ -209,25 +215,25 @@ impl SeenSurfaces {
         &self.map
     }
 
-    /// Unit normals towards the camera, zero where there is none; of the resolution at which normals are fitted.
+    /// Returns unit normals towards the camera, zero if there is none, at the resolution at which normals are fitted.
     pub fn normals(&self) -> &Image<Vec3> {
         &self.map.normals
     }
 
-    /// Depth in metres at the same resolution, 0 where there is no reading.
+    /// Returns depth in metres at that resolution, 0 where there is no reading.
     pub fn depth_m(&self) -> &DepthMap {
         &self.map.depth_m
     }
 }
 
-/// Camera and depth alone, behind a photo of one pixel: surfaces do not depend on the photo, and resampling it takes longer than
-/// all that is done with the depth.
+/// Returns camera and depth with a photo of one pixel: surfaces do not depend on the photo, and resampling it would
+/// take longer than all work on the depth.
 pub(crate) fn without_photo(frame: &Frame) -> Frame {
     let photo = Photo::Srgb8(Image::new(1, 1, vec![[0; 3]]));
     Frame { camera: frame.camera, photo, depth_m: frame.depth_m.clone(), exposure: frame.exposure }
 }
 
-/// A frame [`without_photo`], its depth at the photo's size shrunk until the longer side is at most `side`.
+/// Returns a frame [`without_photo`], its depth at the photo's size limited to `side` on the longer side.
 fn limited(frame: &Frame, side: usize) -> Frame {
     let (width, height) = (f64::from(frame.camera.width), f64::from(frame.camera.height));
     let scale = (side as f64 / width.max(height)).min(1.0);
@@ -241,7 +247,8 @@ fn limited(frame: &Frame, side: usize) -> Frame {
     }
 }
 
-/// The up to four pixels around `(u, v)` (pixel centres at integers) with their bilinear weights, clamped to the image.
+/// Returns the up to four pixels around `(u, v)` (pixel centres at integers) with their bilinear weights, clamped to
+/// the image.
 pub(crate) fn bilinear(u: f32, v: f32, width: usize, height: usize) -> [(usize, usize, f32); 4] {
     let (u, v) = (u.clamp(0.0, (width - 1) as f32), v.clamp(0.0, (height - 1) as f32));
     let (x, y) = (u as usize, v as usize);

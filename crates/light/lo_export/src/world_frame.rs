@@ -1,34 +1,35 @@
-//! A level world: gravity straight down, the floor at height 0.
+//! World frame of an export: the camera's, or a levelled one with gravity straight down and the floor at height 0.
 
 use lo_geometry::{Mat3, Vec3};
 use lo_scene::Room;
 
 use crate::ExportError;
 
-/// World from camera: a rotation, then a step.
+/// Rigid transform from the camera's frame to the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Level {
-    /// Rotation.
+pub(crate) struct WorldFrame {
+    /// Rotation from the camera's axes to the world's.
     pub rotation: Mat3,
-    /// Place of the camera in metres.
+    /// Position of the camera in metres.
     pub camera_m: Vec3,
 }
 
-impl Level {
-    /// The frame of the photo's camera, as scenes have it.
+impl WorldFrame {
+    /// The frame of the photo's camera, as in scenes.
     pub const CAMERA: Self = Self { rotation: Mat3::IDENTITY, camera_m: Vec3::ZERO };
 
-    /// Up is +Y, the camera looks towards −Z, above the origin by its height over the floor (0 where there is none).
+    /// Returns the levelled frame: up is +Y, the camera looks towards −Z, at its height above the floor over the
+    /// origin (0 without a floor).
     ///
     /// # Errors
-    /// Where the room, and with it gravity, is unknown.
+    /// If the room, and with it gravity, is unknown.
     pub fn of(room: Option<&Room>) -> Result<Self, ExportError> {
         let room = room.ok_or(ExportError::NoGravity)?;
         let height_m = room.floor().map_or(0.0, |floor| -floor.offset_m / floor.normal.dot(room.up.normalize()));
         Ok(Self { rotation: room.level_from_camera(), camera_m: Vec3::Y * height_m })
     }
 
-    /// The columns of the matrix that takes the camera's frame to the world's.
+    /// Returns the columns of the matrix from the camera's frame to the world's.
     pub fn columns(self) -> [[f32; 4]; 4] {
         let [x, y, z] = [self.rotation.x_axis, self.rotation.y_axis, self.rotation.z_axis].map(|c| c.extend(0.0));
         [x, y, z, self.camera_m.extend(1.0)].map(|c| c.to_array())
@@ -49,7 +50,7 @@ mod tests {
             let up = Vec3::new(x, y, z).normalize();
             let plane = Plane { normal: up, offset_m: -1.4 };
             let room = Room { up, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
-            let level = Level::of(Some(&room)).unwrap();
+            let level = WorldFrame::of(Some(&room)).unwrap();
             let world = |p: Vec3| level.rotation * p + level.camera_m;
             assert!((level.rotation * up - Vec3::Y).length() < 1e-6);
             assert!((level.rotation.determinant() - 1.0).abs() < 1e-5);
@@ -57,6 +58,6 @@ mod tests {
             let ahead = level.rotation * Vec3::NEG_Z;
             assert!(ahead.x.abs() < 1e-6 && ahead.z < 1e-6, "{ahead}");
         }
-        assert!(matches!(Level::of(None), Err(ExportError::NoGravity)));
+        assert!(matches!(WorldFrame::of(None), Err(ExportError::NoGravity)));
     }
 }

@@ -1,8 +1,8 @@
-//! The room's light sources, as lamps for programs that light by lamps: clusters of the brightest leaves.
+//! Lamps for programs with light sources: clusters of the brightest leaves.
 //!
-//! A lamp and the mesh share an emitter's radiance, so that nothing is lit twice: a panel's faces keep what the photo's white
-//! allows, and its lamp has the rest. An emitter that shines all around is a lamp alone, because a lamp inside of its own
-//! faces would be dark.
+//! A lamp and the mesh share an emitter's radiance, so that nothing is lit twice. A panel's faces keep radiance up to
+//! the photo's white, and its lamp has the rest. An emitter that shines in all directions is a lamp only, because its
+//! own faces would shadow it.
 
 use std::cmp::Reverse;
 use std::collections::HashMap;
@@ -13,28 +13,28 @@ use lo_scene::{AnalyticLight, LightShape};
 
 use crate::free_space::Leaf;
 
-/// At most so many lamps: viewers on the web stop at about this number.
-const MAX_SOURCES: usize = 8;
+/// Largest number of lamps; web viewers support about this many.
+const MAX_LAMPS: usize = 8;
 
-/// An emitter begins at this luminance, the photo's white.
+/// Smallest luminance of an emitter, the photo's white.
 pub(crate) const WHITE: f32 = 1.0;
 
-/// A leaf belongs to the cluster of a brighter one while its luminance is at least this share of the brightest's.
+/// Smallest luminance of a leaf in a cluster, as a share of its brightest leaf's.
 const CLUSTER_SHARE: f32 = 0.25;
 
-/// What the faces of a leaf keep of its radiance.
+/// Part of a leaf's radiance that its faces emit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kept {
-    /// Everything.
+pub(crate) enum FaceEmission {
+    /// All of it.
     All,
-    /// What the photo's white allows; a lamp has the rest.
+    /// Radiance up to the photo's white; a lamp has the rest.
     UpToWhite,
-    /// Nothing: there are no faces, a lamp has everything.
+    /// None: there are no faces, a lamp has all of it.
     Nothing,
 }
 
-impl Kept {
-    /// The kept part of linear RGB radiance, of the same colour.
+impl FaceEmission {
+    /// Returns the part of linear RGB radiance that faces emit, of the same colour.
     pub fn of(self, radiance: [f32; 3]) -> [f32; 3] {
         let share = match self {
             Self::All => 1.0,
@@ -45,22 +45,24 @@ impl Kept {
     }
 }
 
-/// A lamp: a cluster of bright leaves, taken as one emitter, or a light that somebody added.
+/// A lamp: a cluster of bright leaves as one emitter, or an added light.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Source {
-    /// Its surface: of a cluster's rectangle half a leaf in front of the leaves'. Its radiance: what the faces do not keep.
+pub(crate) struct Lamp {
+    /// Its shape (a cluster's rectangle is half a leaf in front of the leaves' surface), and the radiance that the
+    /// faces do not emit.
     pub light: AnalyticLight,
-    /// Indices of its leaves.
+    /// Indices of its leaves; empty for an added light.
     pub leaves: Vec<usize>,
 }
 
-impl Source {
-    /// Power of the Lambertian emitter, `π · L · A` for each channel, in radiance units · m² · sr.
+impl Lamp {
+    /// Returns the power of the Lambertian emitter, `π · L · A` per channel, in radiance units · m² · sr.
     pub fn power(&self) -> [f32; 3] {
         self.light.radiance.map(|c| c * self.light.extent() * std::f32::consts::PI)
     }
 
-    /// Greatest radiant intensity for each channel, in radiance units · m²: straight ahead of a rectangle, all around of a sphere. Of a sun its irradiance.
+    /// Returns the largest radiant intensity per channel, in radiance units · m²: along a rectangle's normal, or in
+    /// any direction of a sphere. For a sun, returns its irradiance.
     pub fn intensity(&self) -> [f32; 3] {
         let seen = match self.light.shape {
             LightShape::Rectangle { .. } | LightShape::Sun { .. } => self.light.extent(),
@@ -69,17 +71,17 @@ impl Source {
         self.light.radiance.map(|c| c * seen)
     }
 
-    /// What the faces of its leaves keep.
-    pub fn kept(&self) -> Kept {
+    /// Returns the part of the radiance that the faces of its leaves emit.
+    pub fn face_emission(&self) -> FaceEmission {
         match self.light.shape {
-            LightShape::Sphere { .. } => Kept::Nothing,
-            LightShape::Rectangle { .. } | LightShape::Sun { .. } => Kept::UpToWhite,
+            LightShape::Sphere { .. } => FaceEmission::Nothing,
+            LightShape::Rectangle { .. } | LightShape::Sun { .. } => FaceEmission::UpToWhite,
         }
     }
 }
 
-/// Lights that no leaves hold, each side of a rectangle by itself.
-pub(crate) fn beside(lights: &[AnalyticLight]) -> Vec<Source> {
+/// Returns the lamps of added lights, with one lamp per side of a rectangle.
+pub(crate) fn added_lamps(lights: &[AnalyticLight]) -> Vec<Lamp> {
     let sides = lights.iter().flat_map(|light| match light.shape {
         LightShape::Rectangle { centre_m, direction, across, size_m, two_sided: true } => {
             let side = |direction| AnalyticLight {
@@ -90,30 +92,30 @@ pub(crate) fn beside(lights: &[AnalyticLight]) -> Vec<Source> {
         }
         _ => vec![*light],
     });
-    sides.map(|light| Source { light, leaves: Vec::new() }).collect()
+    sides.map(|light| Lamp { light, leaves: Vec::new() }).collect()
 }
 
-/// What the faces of each leaf keep where these lamps shine.
-pub(crate) fn kept(leaves: &[Leaf], lamps: &[Source]) -> Vec<Kept> {
-    let mut kept = vec![Kept::All; leaves.len()];
+/// Returns the part of the radiance that the faces of each leaf emit beside these lamps.
+pub(crate) fn face_emission(leaves: &[Leaf], lamps: &[Lamp]) -> Vec<FaceEmission> {
+    let mut kept = vec![FaceEmission::All; leaves.len()];
     for lamp in lamps {
-        lamp.leaves.iter().for_each(|&leaf| kept[leaf] = lamp.kept());
+        lamp.leaves.iter().for_each(|&leaf| kept[leaf] = lamp.face_emission());
     }
     kept
 }
 
-/// The room's strongest emitters that are flat or shine all around, by falling power. Others, such as bright corners of a
-/// room, are left to the mesh.
+/// Returns the room's strongest flat or omnidirectional emitters, by decreasing power. Others, such as bright corners
+/// of a room, are left to the mesh.
 ///
-/// An emitter begins at a leaf above the photo's white, and takes in its neighbours above white down to a quarter of its
-/// luminance.
-pub(crate) fn sources(leaves: &[Leaf]) -> Vec<Source> {
+/// An emitter starts at a leaf above the photo's white, and includes its neighbours above white down to a quarter of
+/// its luminance.
+pub(crate) fn find_lamps(leaves: &[Leaf]) -> Vec<Lamp> {
     let bright = |&i: &usize| leaves[i].exposed != 0 && leaves[i].luminance() > WHITE;
     let mut seeds: Vec<usize> = (0..leaves.len()).filter(bright).collect();
     let mut open: HashMap<(u32, [u32; 3]), usize> =
         seeds.iter().map(|&i| ((leaves[i].depth, leaves[i].xyz), i)).collect();
     seeds.sort_by(|&a, &b| leaves[b].luminance().total_cmp(&leaves[a].luminance()).then(a.cmp(&b)));
-    let mut sources = Vec::new();
+    let mut lamps = Vec::new();
     for seed in seeds {
         if open.remove(&(leaves[seed].depth, leaves[seed].xyz)).is_none() {
             continue;
@@ -130,15 +132,15 @@ pub(crate) fn sources(leaves: &[Leaf]) -> Vec<Source> {
                 }
             }
         }
-        sources.extend(source(leaves, cluster));
+        lamps.extend(lamp_from_cluster(leaves, cluster));
     }
-    sources.sort_by_key(|source: &Source| Reverse(ordered(source.power().iter().sum())));
-    sources.truncate(MAX_SOURCES);
-    sources
+    lamps.sort_by_key(|lamp: &Lamp| Reverse(ordered(lamp.power().iter().sum())));
+    lamps.truncate(MAX_LAMPS);
+    lamps
 }
 
-/// One cluster as a lamp; `None` for one that is neither flat nor convex.
-fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Source> {
+/// Converts a cluster to a lamp; `None` if it is neither flat nor convex.
+fn lamp_from_cluster(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Lamp> {
     let surface = |leaf: &Leaf| LeafSurface {
         centre_m: leaf.centre_m,
         edge_m: leaf.edge_m,
@@ -150,24 +152,25 @@ fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Source> {
     let ClusterSurface { centre_m, area_m2, shape } = ClusterSurface::of(&surfaces)?;
     let shape = match shape {
         ClusterShape::Panel { direction, across, size_m } => {
-            // The surface lies half an edge before the leaf's centre; another half keeps the lamp out of its own wall.
+            // The surface is half an edge in front of the leaf's centre; another half keeps the lamp out of its own
+            // wall.
             let centre_m = centre_m + direction * leaves[cluster[0]].edge_m;
             LightShape::Rectangle { centre_m, direction, across, size_m, two_sided: false }
         }
         ClusterShape::Ball { radius_m } => LightShape::Sphere { centre_m, radius_m },
         ClusterShape::Concave => return None,
     };
-    let mut source = Source { light: AnalyticLight { shape, radiance: [0.0; 3] }, leaves: Vec::new() };
-    let kept = source.kept();
+    let mut lamp = Lamp { light: AnalyticLight { shape, radiance: [0.0; 3] }, leaves: Vec::new() };
+    let kept = lamp.face_emission();
     let given =
         |leaf: &Leaf| (Vec3::from(leaf.radiance()) - Vec3::from(kept.of(leaf.radiance()))) * leaf.surface_area_m2();
     let radiance: Vec3 = cluster.iter().map(|&i| given(&leaves[i])).sum();
-    source.light.radiance = (radiance / area_m2).to_array();
-    source.leaves = cluster;
-    Some(source)
+    lamp.light.radiance = (radiance / area_m2).to_array();
+    lamp.leaves = cluster;
+    Some(lamp)
 }
 
-/// The 26 cells around one; those below zero wrap to coordinates that no leaf has.
+/// Returns the 26 neighbours of a node; coordinates below zero wrap to values that no leaf has.
 fn neighbours([x, y, z]: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
     (0..27).filter(|i| *i != 13).map(move |i| {
         [
@@ -178,7 +181,7 @@ fn neighbours([x, y, z]: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
     })
 }
 
-/// A non-negative float as an integer of the same order.
+/// Maps a non-negative float to an integer of the same order.
 fn ordered(value: f32) -> u32 {
     value.max(0.0).to_bits()
 }
@@ -193,7 +196,7 @@ mod tests {
 
     #[test]
     fn a_ceiling_panel_is_one_flat_lamp() {
-        let lamps = sources(&free_space::leaves(&box_room().light, None));
+        let lamps = find_lamps(&free_space::leaves(&box_room().light, None));
         assert_eq!(lamps.len(), 1);
         let lamp = &lamps[0];
         assert_eq!(lamp.leaves.len(), 4);
@@ -203,7 +206,7 @@ mod tests {
         };
         assert!(direction == Vec3::NEG_Y && across.dot(direction).abs() < 1e-6);
         assert!(size_m.iter().all(|m| (m - 1.0).abs() < 1e-3), "{size_m:?}");
-        // (10, 8, 6) less what the photo's white allows of that colour.
+        // (10, 8, 6) minus the part up to the photo's white.
         assert!(lamp.light.radiance.iter().zip([9.0, 7.2, 5.4]).all(|(a, b)| (a - b).abs() < 1e-5), "{:?}", lamp.light);
         // Half a cell below the ceiling at y = 1.5.
         assert_eq!(centre_m, Vec3::new(0.0, 1.25, 0.0));
@@ -212,15 +215,15 @@ mod tests {
     #[test]
     fn a_lamp_and_its_faces_give_the_emitter() {
         let leaves = free_space::leaves(&box_room().light, None);
-        let lamps = sources(&leaves);
-        let kept = kept(&leaves, &lamps);
+        let lamps = find_lamps(&leaves);
+        let kept = face_emission(&leaves, &lamps);
         let lamp = Vec3::from(lamps[0].light.radiance);
         for (leaf, kept) in leaves.iter().zip(&kept) {
             let faces = Vec3::from(kept.of(leaf.radiance()));
-            let whole = if *kept == Kept::All { faces } else { faces + lamp };
+            let whole = if *kept == FaceEmission::All { faces } else { faces + lamp };
             assert!((whole - Vec3::from(leaf.radiance())).length() < 1e-5);
         }
-        assert_eq!(kept.iter().filter(|kept| **kept == Kept::UpToWhite).count(), 4);
+        assert_eq!(kept.iter().filter(|kept| **kept == FaceEmission::UpToWhite).count(), 4);
     }
 
     #[test]
@@ -230,7 +233,7 @@ mod tests {
         let cells: Vec<_> = (0..12).map(|i| ([0, 3 + i % 2, 1 + i / 2], [5.0, 5.0, 5.0, 1.0])).collect();
         let mut leaves = free_space::leaves(&light_of(&cells, cube, 3), None);
         leaves.iter_mut().for_each(|leaf| leaf.exposed = 0b10);
-        let LightShape::Rectangle { direction, across, size_m, .. } = sources(&leaves)[0].light.shape else {
+        let LightShape::Rectangle { direction, across, size_m, .. } = find_lamps(&leaves)[0].light.shape else {
             panic!("no panel")
         };
         assert_eq!(direction, Vec3::X);
@@ -246,7 +249,7 @@ mod tests {
             .map(|xyz| (xyz, [3.0, 3.0, 3.0, 1.0]))
             .collect();
         let light = light_of(&cells, Cube::centred(Vec3::ZERO, 4.0), 3);
-        assert!(sources(&free_space::leaves(&light, None)).is_empty());
+        assert!(find_lamps(&free_space::leaves(&light, None)).is_empty());
     }
 
     #[test]
@@ -258,7 +261,7 @@ mod tests {
             .map(|xyz| (xyz, [3.0, 3.0, 3.0, 1.0]))
             .collect();
         let cube = Cube { origin_m: Vec3::new(-2.0, -2.0, -3.5), edge_m: 4.0 };
-        let lamps = sources(&free_space::leaves(&light_of(&cells, cube, 6), None));
+        let lamps = find_lamps(&free_space::leaves(&light_of(&cells, cube, 6), None));
         assert_eq!(lamps.len(), 1);
         let lamp = &lamps[0];
         let area_m2 = 4.0 * std::f32::consts::PI * 0.64;
@@ -284,11 +287,11 @@ mod tests {
             ([5, 7, 5], grey(6.0)),
             ([3, 0, 3], grey(0.9)),
         ];
-        let lamps = sources(&free_space::leaves(&light_of(&cells, cube, 3), None));
+        let lamps = find_lamps(&free_space::leaves(&light_of(&cells, cube, 3), None));
         let levels: Vec<f32> = lamps.iter().map(|lamp| lamp.light.radiance[0]).collect();
-        // The panels' faces keep 1; the leaf of 6 shines all around and keeps nothing.
+        // The panels' faces emit 1; the leaf of 6 shines in all directions, and its faces emit nothing.
         assert_eq!(levels, [19.0, 6.0, 1.0]);
         assert_eq!(lamps.iter().map(|lamp| lamp.leaves.len()).collect::<Vec<_>>(), [1, 1, 2]);
-        assert!(sources(&[]).is_empty());
+        assert!(find_lamps(&[]).is_empty());
     }
 }
