@@ -55,7 +55,7 @@ fn several(
 
 #[test]
 fn one_of_several_photos_is_one_photo() {
-    let estimator = estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.1)]);
+    let estimator = estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 9], 0.1)]);
     let mut frame = wall();
     // Holes and a flying pixel, whose ways are many.
     (20..30).for_each(|x| frame.depth_m[(x, 20)] = 0.0);
