@@ -13,7 +13,8 @@ use serde_json::Value;
 
 use super::pose::Axes;
 use super::record3d::whole_size;
-use super::{Lens, Pose, PoseError, PoseFile, PoseFormat, content, number, numbers};
+use super::values::{content, number, numbers};
+use super::{Lens, Pose, PoseError, PoseFile, PoseFormat};
 
 pub(super) fn scanner_app(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
     let rows = numbers(&value["cameraPoseARFrame"]).filter(|rows| rows.len() == 16);

@@ -9,7 +9,8 @@ use serde_json::Value;
 
 use super::pose::Axes;
 use super::record3d::whole_size;
-use super::{Lens, Pose, PoseError, PoseFile, PoseFormat, content, number, numbers};
+use super::values::{checked_position, content, number, numbers};
+use super::{Lens, Pose, PoseError, PoseFile, PoseFormat};
 
 pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
     let frames = value["frames"].as_array().ok_or_else(|| content(name, "`frames` is not an array"))?;
@@ -35,7 +36,7 @@ pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
         let rows = frame.get("transform_matrix").and_then(numbers);
         let rows = rows.ok_or_else(|| content(name, format!("{file}: `transform_matrix` is not a 4 × 4 matrix")))?;
         let mut pose = Pose::from_rows(&rows, Axes::OpenGl, name, file)?;
-        pose.position_m = super::checked_position(pose.position_m / DVec3::splat(scale), name, file)?;
+        pose.position_m = checked_position(pose.position_m / DVec3::splat(scale), name, file)?;
         pose.file = Some(file.to_owned());
         pose.lens = lens(&of, name)?;
         poses.push(pose);

@@ -21,7 +21,8 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::pose::Axes;
-use super::{Lens, Pose, PoseError, PoseFile, PoseFormat, content, numbers};
+use super::values::{content, numbers};
+use super::{Lens, Pose, PoseError, PoseFile, PoseFormat};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

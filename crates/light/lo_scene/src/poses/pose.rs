@@ -1,6 +1,7 @@
 use lo_geometry::{DMat3, DQuat, DVec3, RigidTransform};
 
-use super::{PoseError, checked_position};
+use super::error::PoseError;
+use super::values::checked_position;
 
 /// Largest deviation from unit length and from orthogonality; files have four digits or more.
 const TOLERANCE: f64 = 0.01;

@@ -9,7 +9,8 @@ use lo_geometry::DVec3;
 use serde_json::Value;
 
 use super::pose::Axes;
-use super::{Lens, Pose, PoseError, PoseFile, PoseFormat, content, number, numbers};
+use super::values::{content, number, numbers};
+use super::{Lens, Pose, PoseError, PoseFile, PoseFormat};
 
 pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
     let rows = value["poses"].as_array().ok_or_else(|| content(name, "`poses` is not an array"))?;

@@ -208,7 +208,7 @@ fn what_is_no_pose_is_named() {
     for (message, expected) in cases {
         assert!(message.contains(expected), "{message:?} has no {expected:?}");
     }
-    let missing = PoseFile::read(Path::new("nowhere.json")).unwrap_err().to_string();
+    let missing = PoseFile::read(std::path::Path::new("nowhere.json")).unwrap_err().to_string();
     assert!(missing.contains("nowhere.json"), "{missing}");
 }
 

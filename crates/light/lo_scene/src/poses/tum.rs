@@ -4,7 +4,8 @@
 use lo_geometry::DVec3;
 
 use super::pose::Axes;
-use super::{Pose, PoseError, PoseFile, PoseFormat, content};
+use super::values::content;
+use super::{Pose, PoseError, PoseFile, PoseFormat};
 
 pub(super) fn read(text: &str, name: &str) -> Result<PoseFile, PoseError> {
     let mut poses = Vec::new();
