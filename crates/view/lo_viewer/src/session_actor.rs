@@ -130,7 +130,7 @@ struct SessionActor {
     text: EventText,
     can_estimate: bool,
     status: Status,
-    /// Number of the last scene that was to be opened.
+    /// Number of the last attempt to open a scene.
     attempt: u64,
     /// Number of the last change.
     change: u64,
@@ -138,7 +138,7 @@ struct SessionActor {
     sequence: u64,
 }
 
-/// What is open.
+/// State of the open scene.
 enum Status {
     Nothing { error: Option<String> },
     Opening { file: String, stop: Arc<AtomicBool> },

@@ -49,7 +49,7 @@ pub(crate) struct Worker {
     /// Requests for images of the room from outside.
     pub outside: OutsideQueue,
     /// The running sequence download.
-    pub film: SequenceDownload,
+    pub sequence_download: SequenceDownload,
     pub pages: Arc<Pages>,
     text: EventText,
     state: Mutex<WorkerState>,
@@ -85,7 +85,7 @@ impl Worker {
         let worker = Arc::new(Self {
             scenes: Arc::new(LitSceneCache::new(scene)),
             outside: OutsideQueue::default(),
-            film: SequenceDownload::default(),
+            sequence_download: SequenceDownload::default(),
             pages,
             text,
             state: Mutex::new(state),
