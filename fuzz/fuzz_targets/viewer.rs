@@ -1,4 +1,4 @@
-//! What a page says to the viewer, one message a line: it is refused, or carried out at a session that stays whole and can be undone to where it began.
+//! A page's messages, one per line: each is refused or executed. The session stays valid and can be undone completely.
 #![no_main]
 
 use std::sync::{Arc, LazyLock};
@@ -8,15 +8,15 @@ use lightoctree::geometry::Quat;
 use lightoctree::imaging::RadianceImage;
 use lightoctree::Document;
 use lightoctree::scene::{Completion, ExpectedLight};
-use lo_session::{OpenScene, Session, SessionError, overlay, probe_place};
+use lo_session::{OpenScene, Session, SessionError, overlay, probe_position};
 use lo_viewer::protocol::FromPage;
 
-/// Most messages; what comes after them adds nothing.
+/// Maximum number of messages.
 const MAX_MESSAGES: usize = 64;
 
 static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
-    let mut document = Document::from_bytes(include_bytes!("../corpus/scene/srgb8_edited.scene")).expect("a scene of the seeds");
-    // With expected light, so that its choice is one.
+    let mut document = Document::from_bytes(include_bytes!("../corpus/scene/srgb8_edited.scene")).expect("the seed scene is valid");
+    // With expected light, so that the choice of light has an effect.
     let radiance = RadianceImage::from_fn(8, 4, |x, y| [0.5 + x as f32, 0.5 + y as f32, 1.0]);
     let expected = Some(ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0));
     let estimate = Arc::make_mut(&mut document.estimate);
@@ -25,12 +25,12 @@ static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
 });
 
 fuzz_target!(|text: &str| {
-    let mut session = Session::new(ROOM.clone()).expect("a scene of the seeds");
+    let mut session = Session::new(ROOM.clone()).expect("the seed scene is valid");
     let begun = session.state().clone();
     for message in text.lines().take(MAX_MESSAGES).filter_map(|line| serde_json::from_str::<FromPage>(line).ok()) {
         let (before, was_previewing) = (session.state().clone(), session.is_previewing());
         let refused = |result: Result<(), SessionError>| result.is_err();
-        // Whether nothing else may be shown than before.
+        // Whether the shown state must be unchanged.
         let stays = match message {
             FromPage::Command { command } => refused(session.apply(&command)),
             FromPage::Preview { command, .. } => refused(session.preview(&command)),
@@ -46,38 +46,38 @@ fuzz_target!(|text: &str| {
             FromPage::Redo => !session.redo() && !was_previewing,
             FromPage::Seek { time_s, .. } => refused(session.seek(time_s)),
             FromPage::Probe { pixel, lift_m, .. } => {
-                let at = probe_place(session.open(), pixel, lift_m.clamp(0.0, 10.0));
+                let at = probe_position(session.scene(), pixel, lift_m.clamp(0.0, 10.0));
                 assert!(at.is_none_or(|at| at.is_finite() || !lift_m.is_finite()));
                 true
             }
             FromPage::Overlay { what } => {
-                let _ = overlay(session.open(), what);
+                let _ = overlay(session.scene(), what);
                 true
             }
             FromPage::Outside { view, .. } => {
-                let _ = view.check(session.open().up());
+                let _ = view.check(session.scene().up());
                 true
             }
-            FromPage::StopFilm | FromPage::Stop | FromPage::Close => true,
+            FromPage::StopSequence | FromPage::Stop | FromPage::Close => true,
         };
         let state = session.state();
         assert!(!stays || before == *state);
         for object in &state.objects {
-            object.placement.check().expect("what stands there can be drawn");
+            object.placement.check().expect("placements can be rendered");
         }
-        serde_json::to_string(&session.view()).expect("numbers and names");
+        serde_json::to_string(&session.view()).expect("views consist of numbers and names");
         let ids: std::collections::HashSet<u32> = state.objects.iter().map(|object| object.id).collect();
         assert_eq!(ids.len(), state.objects.len());
         if let Ok(layout) = state.layout() {
             assert_eq!(layout.objects().len(), state.objects.len());
         }
     }
-    // Whatever light was chosen can be laid.
+    // Every chosen light can be computed.
     if session.state().lights.guessed.is_some() {
-        session.open().fitted.laid(&session.state().guessed()).expect("what cannot be white is refused");
+        session.scene().fitted.laid(&session.state().guessed()).expect("invalid white pixels are refused");
     }
     while session.undo() {}
-    // What time one looks at is none of the history.
+    // Seeking is not a step of the history.
     let _ = session.seek(begun.time_s);
     assert!(begun == *session.state());
 });

@@ -128,7 +128,7 @@ fn the_viewer_takes_depth_models() {
     assert!(refused(folder, 2, &["view", "--depth-model", &model]).contains("--depth-model"));
     let viewer = Viewer::start(folder, &[]);
     let mut page = viewer.page();
-    let (empty, _) = page.hear("the drop zone", |message| message["type"] == "empty");
+    let (empty, _) = page.receive("the drop zone", |message| message["type"] == "empty");
     if empty["can_estimate"] != true {
         eprintln!("SKIPPED: photos in the viewer need the feature `weights`");
         return;
@@ -147,25 +147,25 @@ fn the_viewer_takes_depth_models() {
     };
     // What it takes and gives is not known: the page shows what to fill in.
     open("odd_unknown.onnx", None);
-    let (failed, _) = page.hear("why not", |message| message["type"] == "empty" && message["error"].is_string());
+    let (failed, _) = page.receive("why not", |message| message["type"] == "empty" && message["error"].is_string());
     let why = failed["error"].as_str().unwrap();
     assert!(["model.onnx", "logits", "kind = \"metric\"", "TOML"].iter().all(|part| why.contains(part)), "{why}");
     for (model, config, source) in
         [("plane_metric.onnx", Some("metric.toml"), "model.onnx"), ("plane_moge2.onnx", None, "model.onnx")]
     {
         open(model, config);
-        let (scene, _) = page.hear("the scene", |message| message["type"] == "scene");
+        let (scene, _) = page.receive("the scene", |message| message["type"] == "scene");
         assert_eq!(scene["predicted_depth"], true);
         let (status, bytes) = viewer.get("download/room.scene");
         assert_eq!(status, 200);
         std::fs::write(folder.join("room.scene"), bytes).unwrap();
         let scene = assert_plane(folder, plane);
         assert!(scene.origin.sources.contains(&source.to_owned()), "{:?}", scene.origin.sources);
-        page.say(&serde_json::json!({ "type": "close" }));
-        page.hear("the drop zone", |message| message["type"] == "empty");
+        page.send(&serde_json::json!({ "type": "close" }));
+        page.receive("the drop zone", |message| message["type"] == "empty");
     }
     let viewer = Viewer::start(folder, &["photo.png", "--depth-model", &model]);
-    let (scene, _) = viewer.page().hear("the scene", |message| message["type"] == "scene");
+    let (scene, _) = viewer.page().receive("the scene", |message| message["type"] == "scene");
     let across = scene["camera"]["width"].as_f64().unwrap() / (2.0 * scene["camera"]["fx"].as_f64().unwrap());
     // Built in as 60 degrees.
     assert!((2.0 * across.atan().to_degrees() - 60.0).abs() < 0.6, "{scene}");

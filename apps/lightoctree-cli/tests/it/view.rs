@@ -1,4 +1,4 @@
-//! `lightoctree view` without a browser: who is let in, what a page can do, and that its pictures are those of `insert`.
+//! `lightoctree view` without a browser: access control, the protocol, and equality of its images with `insert`.
 
 use serde_json::json;
 
@@ -12,34 +12,34 @@ fn the_final_picture_is_that_of_the_command_line_that_is_shown() {
     write_mesh(folder.path());
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     let mut page = viewer.page();
-    page.hear("the scene", |message| message["type"] == "scene" && message["file"] == "room.scene");
+    page.receive("the scene", |message| message["type"] == "scene" && message["file"] == "room.scene");
     page.act(
         &json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70.25, 94.125], "material": { "preset": "chrome" } }),
     );
     let object = std::fs::read(folder.path().join("object.obj")).unwrap();
     assert_eq!(viewer.upload("mesh", "object.obj", &object), (204, String::new()));
-    page.hear("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
+    page.receive("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
     page.act(&json!({ "do": "place", "object": 2, "place": { "pixel": [35, 94] } }));
     page.act(&json!({ "do": "size", "object": 2, "size": { "height": 0.35 } }));
     page.act(&json!({ "do": "turn", "object": 2, "yaw_deg": 33.3 }));
     page.act(&json!({ "do": "material", "object": 2, "material": { "preset": "gold", "roughness": 0.31 } }));
     page.act(&json!({ "do": "place", "object": 1, "place": { "position": [0.3, -1.0, -2.123_45] } }));
     page.act(&json!({ "do": "floor-gloss", "gloss": 0.25 }));
-    // A gesture, too.
+    // A gesture.
     for u in [40.0, 45.0, 50.3] {
         let drag = json!({ "do": "drag", "object": 2, "to": [u, 94.7] });
-        page.say(&json!({ "type": "preview", "sequence": u as u64, "command": drag }));
+        page.send(&json!({ "type": "preview", "sequence": u as u64, "command": drag }));
     }
-    page.say(&json!({ "type": "commit" }));
+    page.send(&json!({ "type": "commit" }));
     let is_dragged = |message: &serde_json::Value| message["view"]["objects"][1]["place"]["pixel"][0] == 50.3;
-    let (state, _) = page.hear("the end of the gesture", is_dragged);
+    let (state, _) = page.receive("the end of the gesture", is_dragged);
     let command = state["view"]["command"].as_str().unwrap().to_owned();
     let is_final = |message: &serde_json::Value| {
         message["type"] == "frame"
             && message["step"] == "final"
             && message["change"].as_u64() >= state["change"].as_u64()
     };
-    let (frame, shown) = page.hear("the final picture", is_final);
+    let (frame, shown) = page.receive("the final picture", is_final);
     let words = words(&command);
     done(folder.path(), &words.iter().map(String::as_str).collect::<Vec<_>>());
     let written = std::fs::read(folder.path().join("picture.png")).unwrap();
@@ -55,9 +55,9 @@ fn the_final_picture_is_that_of_the_command_line_that_is_shown() {
     assert_eq!(read(&downloaded).channels, read(&std::fs::read(folder.path().join("layers.exr")).unwrap()).channels);
 }
 
-/// Arguments of a command line as a shell splits it, without the program's name.
+/// Splits a command line into arguments as a shell does, without the program's name.
 fn words(command: &str) -> Vec<String> {
-    // Words without spaces, but for what is quoted.
+    // Words are separated by spaces, except in quotes.
     let all: Vec<String> = command
         .split('\'')
         .enumerate()
@@ -76,11 +76,11 @@ fn the_guessed_light_is_that_of_the_command_line() {
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     let (mut page, mut other) = (viewer.page(), viewer.page());
     for page in [&mut page, &mut other] {
-        page.hear("the scene", |message| message["type"] == "scene");
+        page.receive("the scene", |message| message["type"] == "scene");
     }
     page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70.25, 84.125] }));
     let (plain, _) =
-        page.hear("an object", |message| message["view"]["objects"].as_array().is_some_and(|a| a.len() == 1));
+        page.receive("an object", |message| message["view"]["objects"].as_array().is_some_and(|a| a.len() == 1));
     assert_eq!(plain["view"]["guessed_light"]["effect"], "expected");
     assert!(!plain["view"]["command"].to_string().contains("--light"), "{plain}");
     let is_final = |change: u64| {
@@ -89,33 +89,33 @@ fn the_guessed_light_is_that_of_the_command_line() {
         }
     };
     let change_of = |state: &serde_json::Value| state["change"].as_u64().unwrap();
-    let (_, usual) = page.hear("the picture in the usual light", is_final(change_of(&plain)));
-    // A drag of the contrast, a number, a pixel.
+    let (_, usual) = page.receive("the picture in the usual light", is_final(change_of(&plain)));
+    // A drag of the contrast, then a pixel and a number.
     for (sequence, factor) in [0.5, 1.75, 2.5].into_iter().enumerate() {
         let command = json!({ "do": "contrast", "factor": factor });
-        page.say(&json!({ "type": "preview", "sequence": sequence, "command": command }));
+        page.send(&json!({ "type": "preview", "sequence": sequence, "command": command }));
     }
-    page.say(&json!({ "type": "commit" }));
+    page.send(&json!({ "type": "commit" }));
     page.act(&json!({ "do": "white", "pixel": [40.5, 70.5] }));
     page.act(&json!({ "do": "warmth", "ev": -0.75 }));
-    // What is refused is told to who asked, and changes nothing.
+    // A refusal is sent to the page that asked, and changes nothing.
     for (wrong, why) in [
         (json!({ "do": "contrast", "factor": 4 }), "from 0 to 3"),
         (json!({ "do": "warmth", "ev": 1e39 }), "from -4 to 4"),
         (json!({ "do": "white", "pixel": [144, 3] }), "outside"),
     ] {
         page.act(&wrong);
-        page.hear("a refusal", |message| {
+        page.receive("a refusal", |message| {
             message["type"] == "refused" && message["why"].as_str().unwrap().contains(why)
         });
     }
     page.act(&json!({ "do": "floor-gloss", "gloss": 0.25 }));
     let is_tuned = |message: &serde_json::Value| message["view"]["floor_gloss"] == 0.25;
-    let (state, _) = page.hear("the light", is_tuned);
+    let (state, _) = page.receive("the light", is_tuned);
     let tuned = json!({ "light": "plausible", "contrast": 2.5, "warmth_ev": -0.75, "white": [40.5, 70.5], "effect": "expected" });
     assert_eq!(state["view"]["guessed_light"], tuned);
-    assert_eq!(other.hear("the light", is_tuned).0["view"]["guessed_light"], tuned);
-    let (_, shown) = page.hear("the final picture", is_final(change_of(&state)));
+    assert_eq!(other.receive("the light", is_tuned).0["view"]["guessed_light"], tuned);
+    let (_, shown) = page.receive("the final picture", is_final(change_of(&state)));
     let command = state["view"]["command"].as_str().unwrap();
     assert!(command.contains(" --light plausible --contrast 2.5 --warmth -0.75 --white 40.5,70.5 "), "{command}");
     let command = words(command);
@@ -123,7 +123,7 @@ fn the_guessed_light_is_that_of_the_command_line() {
     let written = std::fs::read(folder.path().join("picture.png")).unwrap();
     assert!(shown == written && viewer.get("download/picture.png").1 == written && usual != written);
 
-    // The scene that is saved holds it: for `insert`, and for other commands and the viewer.
+    // The saved scene contains it: for `insert`, other commands and the viewer.
     let (_, kept) = viewer.get("download/room.scene");
     std::fs::write(folder.path().join("kept.scene"), &kept).unwrap();
     done(folder.path(), &["insert", "kept.scene", "--quality", "high", "-o", "own.png"]);
@@ -145,30 +145,30 @@ fn the_guessed_light_is_that_of_the_command_line() {
     done(folder.path(), &["lights", "reset", "kept.scene", "-o", "reset.scene"]);
     assert!(!done(folder.path(), &["inspect", "reset.scene"]).contains("contrast"));
     let again = Viewer::start(folder.path(), &["kept.scene"]);
-    let (reopened, _) = again.page().hear("the light", |message| message["type"] == "state");
+    let (reopened, _) = again.page().receive("the light", |message| message["type"] == "state");
     assert_eq!(reopened["view"]["guessed_light"], tuned);
-    // Undo goes back through all of it.
+    // Undo reverts all of it.
     for _ in 0..4 {
-        page.say(&json!({ "type": "undo" }));
+        page.send(&json!({ "type": "undo" }));
     }
     let is_usual = |message: &serde_json::Value| message["view"]["guessed_light"]["contrast"] == 1.0;
-    let (undone, _) = page.hear("the usual light", is_usual);
+    let (undone, _) = page.receive("the usual light", is_usual);
     assert_eq!(undone["view"]["command"], plain["view"]["command"]);
-    let (_, back) = page.hear("its picture", is_final(change_of(&undone)));
+    let (_, back) = page.receive("its picture", is_final(change_of(&undone)));
     assert!(back == usual);
 }
 
 #[test]
-fn what_is_taken_away_opens_again() {
+fn downloads_open_again() {
     let folder = room_with_scene();
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     let mut page = viewer.page();
-    page.hear("the scene", |message| message["type"] == "scene");
-    assert_eq!(viewer.get("download/picture.png").0, 409, "nothing stands in the photo");
+    page.receive("the scene", |message| message["type"] == "scene");
+    assert_eq!(viewer.get("download/picture.png").0, 409, "there are no objects in the photo");
     page.act(&json!({ "do": "add", "mesh": "builtin:suzanne" }));
     page.act(&json!({ "do": "add-light", "new": { "sun":
         { "azimuth_deg": 20, "elevation_deg": 45, "strength": 2, "angle_deg": 1, "kelvin": 5500 } } }));
-    page.hear("a sun", |message| message["view"]["lights"].to_string().contains("\"A1\""));
+    page.receive("a sun", |message| message["view"]["lights"].to_string().contains("\"A1\""));
     let files =
         ["room.scene", "objects.json", "light.exr?u=70&v=80&lift=0.1", "room.glb", "room_usd.tar?u=70&v=80&lift=0.1"];
     for file in files {
@@ -184,7 +184,7 @@ fn what_is_taken_away_opens_again() {
     );
     let panorama = lightoctree::imaging::read_radiance(folder.path().join("new_light.exr")).unwrap();
     assert_eq!((panorama.width(), panorama.height()), (1024, 512));
-    // `envmap` says the same of the place.
+    // `envmap` renders the same light.
     let envmap = [
         "envmap",
         "new_room.scene",
@@ -210,11 +210,11 @@ fn what_is_taken_away_opens_again() {
 }
 
 #[test]
-fn photos_are_estimated_and_what_is_wrong_is_said() {
+fn photos_are_estimated_and_errors_are_reported() {
     let folder = room();
     let mut viewer = Viewer::start(folder.path(), &[]);
     let mut page = viewer.page();
-    let (empty, _) = page.hear("the drop zone", |message| message["type"] == "empty");
+    let (empty, _) = page.receive("the drop zone", |message| message["type"] == "empty");
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert_eq!(viewer.upload("mesh", "a.obj", b"v 0 0 0").0, 400);
     assert_eq!(
@@ -223,17 +223,18 @@ fn photos_are_estimated_and_what_is_wrong_is_said() {
     );
     if empty["can_estimate"] == true {
         let failed = |message: &serde_json::Value| message["type"] == "empty" && message["error"].is_string();
-        let (failed, _) = page.hear("why not", failed);
+        let (failed, _) = page.receive("why not", failed);
         assert!(failed["error"].as_str().unwrap().contains("photo.png"), "{failed}");
-        // 20,000 × 20,000 pixels, says the head of this PNG.
+        // A PNG header that claims 20,000 × 20,000 pixels.
         let huge = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x4e\x20\0\0\x4e\x20\x08\x02\0\0\0\x6c\x12\xd1\x6e\0\0\0\x01IDAT\x78\0\0\0\0\0\0\0\0";
         assert_eq!(viewer.upload("photo", "huge.png", huge).0, 204);
-        let (failed, _) = page.hear("why not", |message| message["error"].as_str().is_some_and(|e| e.contains("huge")));
+        let (failed, _) =
+            page.receive("why not", |message| message["error"].as_str().is_some_and(|e| e.contains("huge")));
         assert!(failed["error"].as_str().unwrap().contains("20000"), "{failed}");
         assert_eq!(viewer.upload("depth", "depth.png", &read("depth.png")).0, 204);
         assert_eq!(viewer.upload("photo", "photo.png", &read("photo.png")).0, 204);
-        page.hear("progress", |message| message["type"] == "opening" && message["done"].is_number());
-        let (scene, _) = page.hear("the scene", |message| message["type"] == "scene");
+        page.receive("progress", |message| message["type"] == "opening" && message["done"].is_number());
+        let (scene, _) = page.receive("the scene", |message| message["type"] == "scene");
         assert_eq!((&scene["predicted_depth"], &scene["is_saved"]), (&json!(false), &json!(false)));
         for (name, bytes) in
             [("broken.glb", &b"glTF but no more"[..]), ("none.stl", b"solid x\nendsolid x\n"), ("a.txt", b"x")]
@@ -241,37 +242,39 @@ fn photos_are_estimated_and_what_is_wrong_is_said() {
             let (status, why) = viewer.upload("mesh", name, bytes);
             assert!(status == 400 && why.contains(name), "{status} {why}");
         }
-        page.say(&json!({ "type": "close" }));
-        page.hear("the drop zone", |message| message["type"] == "empty");
+        page.send(&json!({ "type": "close" }));
+        page.receive("the drop zone", |message| message["type"] == "empty");
     }
-    // A scene of another making, and one that is cut off.
+    // A truncated scene.
     assert_eq!(viewer.upload("scene", "cut.scene", &[8, 0, 0, 0, 0, 0, 0, 0, b'{']).0, 204);
-    let (wrong, _) = page.hear("why not", |message| message["type"] == "empty" && message["error"].is_string());
+    let (wrong, _) = page.receive("why not", |message| message["type"] == "empty" && message["error"].is_string());
     assert!(wrong["error"].as_str().unwrap().contains("cut.scene"), "{wrong}");
-    page.say(&json!({ "type": "nonsense" }));
-    page.hear("a refusal", |message| {
+    page.send(&json!({ "type": "nonsense" }));
+    page.receive("a refusal", |message| {
         message["type"] == "refused" && message["why"].as_str().unwrap().contains("nonsense")
     });
     assert!(viewer.is_alive());
 }
 
 #[test]
-fn a_mesh_comes_with_the_files_that_it_names() {
+fn a_mesh_is_uploaded_with_its_files() {
     let folder = room_with_scene();
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     let mut page = viewer.page();
-    page.hear("the scene", |message| message["type"] == "scene");
+    page.receive("the scene", |message| message["type"] == "scene");
     let obj =
         b"mtllib a.mtl\nusemtl red\nv 0 0 0\nv 0.3 0 0\nv 0 0.3 0\nv 0 0 0.3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
     let (status, _) = viewer.upload("part", "a.mtl", b"newmtl red\nKd 1 0 0\n");
     assert_eq!(status, 204);
     assert_eq!(viewer.upload("mesh", "folder%2Fa.obj", obj).0, 204);
     let (state, _) =
-        page.hear("the object", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 1));
+        page.receive("the object", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 1));
     assert_eq!(state["view"]["objects"][0]["mesh"], "a.obj");
-    // Without its material it stands there all the same, and that is said.
+    // Without its material file it is added with a warning.
     assert_eq!(viewer.upload("mesh", "a.obj", obj).0, 204);
-    page.hear("a note", |message| message["type"] == "refused" && message["why"].as_str().unwrap().contains("a.mtl"));
+    page.receive("a note", |message| {
+        message["type"] == "refused" && message["why"].as_str().unwrap().contains("a.mtl")
+    });
 }
 
 #[test]
@@ -279,21 +282,21 @@ fn two_pages_show_the_same() {
     let folder = room_with_scene();
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     let mut pages = [viewer.page(), viewer.page()];
-    pages.iter_mut().for_each(|page| drop(page.hear("the scene", |message| message["type"] == "scene")));
+    pages.iter_mut().for_each(|page| drop(page.receive("the scene", |message| message["type"] == "scene")));
     pages[0].act(&json!({ "do": "add", "mesh": "builtin:sphere" }));
     for page in &mut pages {
-        page.hear("the object", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 1));
+        page.receive("the object", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 1));
     }
-    // A page that comes later, as after a reload, finds all as it is.
+    // A page that connects later, as after a reload, receives the current state.
     let mut late = viewer.page();
     let is_there =
         |message: &serde_json::Value| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 1);
-    late.hear("the object", is_there);
-    late.hear("its picture", |message| message["type"] == "frame");
+    late.receive("the object", is_there);
+    late.receive("its picture", |message| message["type"] == "frame");
 }
 
 #[test]
-fn each_page_sees_the_room_from_its_own_place() {
+fn each_page_has_its_own_view_of_the_room() {
     let folder = room_with_scene();
     let mut viewer = Viewer::start(folder.path(), &["room.scene"]);
     let mut pages = [viewer.page(), viewer.page()];
@@ -306,18 +309,18 @@ fn each_page_sees_the_room_from_its_own_place() {
     };
     let is_seen = |message: &serde_json::Value| message["type"] == "outside";
     let shown = |page: &mut crate::support::view::Page, asked: &serde_json::Value| {
-        page.say(asked);
-        let (told, bytes) = page.hear("the room", is_seen);
+        page.send(asked);
+        let (told, bytes) = page.receive("the room", is_seen);
         assert_eq!(told["sequence"], 7);
         let photo = lightoctree::imaging::photo_from_bytes(&bytes, "outside").unwrap().photo;
         (told["mime"].as_str().unwrap().to_owned(), photo.width(), photo.height())
     };
-    pages.iter_mut().for_each(|page| drop(page.hear("the scene", |message| message["type"] == "scene")));
-    // Asked at the same time, each is answered.
+    pages.iter_mut().for_each(|page| drop(page.receive("the scene", |message| message["type"] == "scene")));
+    // Concurrent requests are both answered.
     let [first, second] = &mut pages;
-    first.say(&changed(json!({ "width": 100, "still": true })));
+    first.send(&changed(json!({ "width": 100, "still": true })));
     assert_eq!(shown(second, &changed(json!({ "width": 64 }))), ("image/jpeg".to_owned(), 64, 90));
-    let (_, bytes) = first.hear("the room", is_seen);
+    let (_, bytes) = first.receive("the room", is_seen);
     assert!(bytes.starts_with(b"\x89PNG"));
     assert_eq!(lightoctree::imaging::photo_from_bytes(&bytes, "outside").unwrap().photo.width(), 100);
     for wrong in [
@@ -328,8 +331,8 @@ fn each_page_sees_the_room_from_its_own_place() {
         json!({ "fov_deg": 180 }),
         json!({ "exposure_ev": -1e30 }),
     ] {
-        first.say(&changed(wrong.clone()));
-        let (refused, _) = first.hear("a refusal", |message| message["type"] == "refused");
+        first.send(&changed(wrong.clone()));
+        let (refused, _) = first.receive("a refusal", |message| message["type"] == "refused");
         assert!(refused["why"].as_str().unwrap().contains("the view's"), "{wrong}: {refused}");
     }
     assert_eq!(shown(first, &changed(json!({ "show": "origins" }))), ("image/jpeg".to_owned(), 120, 90));
@@ -340,7 +343,7 @@ fn each_page_sees_the_room_from_its_own_place() {
 fn others_are_refused_with_a_reason() {
     let folder = room_with_scene();
     let mut viewer = Viewer::start(folder.path(), &["room.scene"]);
-    viewer.page().hear("the scene", |message| message["type"] == "scene");
+    viewer.page().receive("the scene", |message| message["type"] == "scene");
     let (host, path) = viewer.host_and_path();
     let port = host.rsplit_once(':').unwrap().1;
     let own = format!("Host: {host}");
@@ -362,7 +365,7 @@ fn others_are_refused_with_a_reason() {
         let (status, said) = ask(path, &lines);
         assert!(status == 403 && said.contains(why), "{path} {lines:?}: {status} {said}");
     }
-    // No path of the disk is served.
+    // No file of the disk is served.
     for wrong in
         ["page/../../Cargo.toml", "page/%2e%2e%2f%2e%2e%2fetc%2fpasswd", "download/%2fetc%2fpasswd", "room.scene"]
     {
@@ -371,7 +374,7 @@ fn others_are_refused_with_a_reason() {
     let upload = format!("{path}upload/photo");
     let lines = [own.as_str(), "X-File-Name: a.jpg", "Content-Length: 1073741824"];
     assert_eq!(viewer.request("POST", &upload, &lines, b"").0, 413);
-    // Without the header that other sites' forms cannot set.
+    // Without the header, which other sites' forms cannot set.
     assert_eq!(viewer.request("POST", &upload, &[&own, "Content-Length: 1"], b"x").0, 400);
     assert!(viewer.is_alive());
     let bind = ["view", "room.scene", "--bind", "0.0.0.0"];
@@ -380,7 +383,7 @@ fn others_are_refused_with_a_reason() {
     assert!(refused(folder.path(), 1, &["view", "no.scene"]).contains("no.scene"));
 }
 
-/// Minutes of dragging before memory is measured first, and last.
+/// Minutes of dragging before the first and the last measurement of memory.
 const LOAD_MIN: [f64; 2] = [1.0, 10.0];
 
 #[test]
@@ -390,13 +393,13 @@ fn view_load() {
     std::fs::copy(lo_testdata::asset("library_color.jpg"), folder.path().join("photo.jpg")).unwrap();
     let mut viewer = Viewer::start(folder.path(), &["photo.jpg"]);
     let (mut lazy, mut page) = (viewer.page(), viewer.page());
-    let (scene, _) = page.hear("the scene", |message| message["type"] == "scene");
+    let (scene, _) = page.receive("the scene", |message| message["type"] == "scene");
     let side = |name: &str| scene["camera"][name].as_f64().unwrap();
     let (width, height) = (side("width"), side("height"));
     for mesh in ["builtin:sphere", "builtin:tea-set"] {
         page.act(&json!({ "do": "add", "mesh": mesh }));
     }
-    page.hear("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
+    page.receive("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
     let mut random = lo_random::stream(30, "load", 0);
     let mut uniform = move || -> f64 { lo_random::RngExt::random(&mut random) };
     let begun = std::time::Instant::now();
@@ -404,27 +407,27 @@ fn view_load() {
     let mut at = [0.5 * width, 0.7 * height];
     while begun.elapsed().as_secs_f64() < 60.0 * LOAD_MIN[1] {
         let object = 1 + u32::from(uniform() < 0.5);
-        // A gesture of some pictures, kept, dropped or undone.
+        // A gesture of some images, committed, cancelled or undone.
         for _ in 0..1 + (20.0 * uniform()) as usize {
             at = [at[0] + 60.0 * (uniform() - 0.5), at[1] + 60.0 * (uniform() - 0.5)];
             at = [at[0].clamp(0.0, width - 1.0), at[1].clamp(0.5 * height, height - 1.0)];
             pictures += 1;
             let command = json!({ "do": "drag", "object": object, "to": at });
-            page.say(&json!({ "type": "preview", "sequence": pictures, "command": command }));
-            page.say(&json!({ "type": "probe", "pixel": at, "lift_m": 0.1, "exposure_ev": 0.0 }));
-            let (heard, _) = page.hear("its picture", |message| {
+            page.send(&json!({ "type": "preview", "sequence": pictures, "command": command }));
+            page.send(&json!({ "type": "probe", "pixel": at, "lift_m": 0.1, "exposure_ev": 0.0 }));
+            let (heard, _) = page.receive("its picture", |message| {
                 message["type"] == "refused" || (message["type"] == "frame" && message["sequence"] == pictures)
             });
             refusals += u64::from(heard["type"] == "refused");
         }
-        page.say(&json!({ "type": (["commit", "cancel", "undo"])[(3.0 * uniform()) as usize] }));
-        // It rests now and then, for better pictures.
+        page.send(&json!({ "type": (["commit", "cancel", "undo"])[(3.0 * uniform()) as usize] }));
+        // Rests now and then, for refined images.
         if uniform() < 0.1 {
             std::thread::sleep(std::time::Duration::from_millis((3000.0 * uniform()) as u64));
         }
-        // The lazy page reads one message in a while, and never keeps up.
+        // The lazy page rarely reads a message and never keeps up.
         if uniform() < 0.3 {
-            lazy.hear("anything", |_| true);
+            lazy.receive("anything", |_| true);
         }
         let minutes = begun.elapsed().as_secs_f64() / 60.0;
         if memory_mb.len() as f64 + LOAD_MIN[0] < minutes {
@@ -445,22 +448,22 @@ fn sequences_and_scenes_with_objects_are_those_of_the_command_line() {
     write_mesh(folder.path());
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     let mut page = viewer.page();
-    page.hear("the scene", |message| message["type"] == "scene");
-    assert_eq!(viewer.get("download/video.y4m").0, 409, "nothing stands in the photo");
+    page.receive("the scene", |message| message["type"] == "scene");
+    assert_eq!(viewer.get("download/video.y4m").0, 409, "there are no objects in the photo");
     page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [40, 90] }));
     let object = std::fs::read(folder.path().join("object.obj")).unwrap();
     assert_eq!(viewer.upload("mesh", "object.obj", &object), (204, String::new()));
-    page.hear("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
-    assert_eq!(viewer.get("download/video.y4m").0, 409, "nothing moves");
+    page.receive("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
+    assert_eq!(viewer.get("download/video.y4m").0, 409, "nothing is animated");
     page.act(&json!({ "do": "size", "object": 2, "size": { "height": 0.3 } }));
     page.act(&json!({ "do": "set-key", "object": 1, "time_s": 0 }));
-    page.say(&json!({ "type": "seek", "time_s": 1.5, "sequence": 1 }));
+    page.send(&json!({ "type": "seek", "time_s": 1.5, "sequence": 1 }));
     page.act(&json!({ "do": "place", "object": 1, "place": { "pixel": [90, 88] } }));
     page.act(&json!({ "do": "turn", "object": 1, "yaw_deg": 95.5 }));
     page.act(&json!({ "do": "interpolate", "object": 1, "interpolation": "catmull-rom" }));
     page.act(&json!({ "do": "floor-gloss", "gloss": 0.5 }));
     page.act(&json!({ "do": "frames", "frames": null, "fps": 2 }));
-    let (state, _) = page.hear("the frames", |message| message["view"]["timeline"]["fps"] == 2);
+    let (state, _) = page.receive("the frames", |message| message["view"]["timeline"]["fps"] == 2);
     assert_eq!(state["view"]["timeline"]["frames"], 4);
     let command = state["view"]["command"].as_str().unwrap().to_owned();
     assert_eq!(
@@ -477,7 +480,9 @@ fn sequences_and_scenes_with_objects_are_those_of_the_command_line() {
     done(folder.path(), &words);
     let video = std::fs::read(folder.path().join("video.y4m")).unwrap();
     assert!(taken("video.y4m") == video);
-    page.hear("how far it is", |message| message["type"] == "film" && message["done"] == 4 && message["frames"] == 4);
+    page.receive("how far it is", |message| {
+        message["type"] == "film" && message["done"] == 4 && message["frames"] == 4
+    });
     let frames = [&words[..words.len() - 1], &["frame_%04d.png"]].concat();
     done(folder.path(), &frames);
     let tar = taken("frames.tar");
@@ -493,7 +498,7 @@ fn sequences_and_scenes_with_objects_are_those_of_the_command_line() {
     }
     assert_eq!(names, ["frame_0000.png", "frame_0001.png", "frame_0002.png", "frame_0003.png"]);
 
-    // The scene alone says all of it.
+    // The scene file contains everything.
     std::fs::write(folder.path().join("kept.scene"), taken("room.scene")).unwrap();
     std::fs::remove_file(folder.path().join("object.obj")).unwrap();
     done(folder.path(), &["insert", "kept.scene", "-o", "own.y4m"]);
@@ -504,21 +509,21 @@ fn sequences_and_scenes_with_objects_are_those_of_the_command_line() {
     assert!(message.contains("--mesh or --layout"), "{message}");
     let again = Viewer::start(folder.path(), &["kept.scene"]);
     let mut page = again.page();
-    let (reopened, _) = page.hear("the objects", |message| message["type"] == "state");
+    let (reopened, _) = page.receive("the objects", |message| message["type"] == "state");
     assert_eq!(reopened["view"]["timeline"], state["view"]["timeline"]);
     assert_eq!(reopened["view"]["can_undo"], false);
     let (status, saved) = again.get("download/room.scene");
     assert!(status == 200 && saved == std::fs::read(folder.path().join("kept.scene")).unwrap());
 
-    // A long one can be given up.
+    // A long download can be cancelled.
     page.act(&json!({ "do": "frames", "frames": 100_000, "fps": 24 }));
-    page.hear("the frames", |message| message["view"]["timeline"]["frames"] == 100_000);
+    page.receive("the frames", |message| message["view"]["timeline"]["frames"] == 100_000);
     std::thread::scope(|scope| {
         let taking = scope.spawn(|| again.get("download/frames.tar"));
-        page.hear("progress", |message| message["type"] == "film" && message["done"].as_u64() > Some(0));
+        page.receive("progress", |message| message["type"] == "film" && message["done"].as_u64() > Some(0));
         assert_eq!(again.get("download/frames.tar").0, 409, "one at a time");
-        page.say(&json!({ "type": "stop-film" }));
-        page.hear("the end", |message| message["type"] == "film" && message["ended"] == "stopped");
+        page.send(&json!({ "type": "stop-film" }));
+        page.receive("the end", |message| message["type"] == "film" && message["ended"] == "stopped");
         taking.join().unwrap();
     });
 }

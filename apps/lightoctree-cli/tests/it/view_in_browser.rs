@@ -1,4 +1,4 @@
-//! `lightoctree view` in a real browser, without WebGL. `LIGHTOCTREE_SHOTS=FOLDER` keeps pictures of the page.
+//! `lightoctree view` in a real browser, without WebGL. `LIGHTOCTREE_SHOTS=FOLDER` keeps screenshots of the page.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use crate::support::browser::Browser;
 use crate::support::done;
 use crate::support::view::Viewer;
 
-/// Where on the page a photo position is seen.
+/// Returns the page position of a photo position.
 fn on_page(browser: &mut Browser, [u, v]: [f64; 2]) -> [f64; 2] {
     let place = browser.value(&format!(
         "(() => {{ const box = document.getElementById('handles').getBoundingClientRect(); const camera = viewer.page.scene.camera;
@@ -22,7 +22,7 @@ fn click(browser: &mut Browser, selector: &str) {
     browser.value(&format!("document.querySelector(`{selector}`).click()"));
 }
 
-/// Clicks the button with this text.
+/// Clicks the button with a text.
 fn press(browser: &mut Browser, text: &str) {
     browser.value(&format!("[...document.querySelectorAll('button')].find((b) => b.textContent === '{text}').click()"));
 }
@@ -33,7 +33,7 @@ fn shot(browser: &mut Browser, name: &str) {
     }
 }
 
-/// The picture with all that is drawn over it, 240 pixels wide, is as the one in `tests/snapshots`; `UPDATE_SNAPSHOTS=1` writes it.
+/// Compares the stage with all its layers, 240 pixels wide, with a snapshot. `UPDATE_SNAPSHOTS=1` writes it.
 fn assert_looks_as(browser: &mut Browser, name: &str) {
     let address = browser.value(
         "(() => { const layers = [...document.querySelectorAll('#stage canvas')].filter((layer) => layer.checkVisibility());
@@ -65,7 +65,7 @@ fn assert_looks_as(browser: &mut Browser, name: &str) {
         let seen = std::env::temp_dir().join(name);
         std::fs::write(&seen, &bytes).unwrap();
         panic!(
-            "{name}: codes off by {mean:.2} in the mean, {:.2} % of them by more than 24; see {}",
+            "{name}: codes off by {mean:.2} on average, {:.2} % of them by more than 24; see {}",
             100.0 * far,
             seen.display()
         );
@@ -78,7 +78,7 @@ fn object(browser: &mut Browser, index: usize) -> Value {
 
 const FINAL: &str = "viewer.figures.shown?.step === 'final' && viewer.figures.shown.change === viewer.page.change";
 
-/// Photo position of the middle of the first object.
+/// Returns the photo position of the centre of the first object.
 fn middle(browser: &mut Browser) -> [f64; 2] {
     let seen = browser.value(
         "import('./page/camera.js').then(({ project }) => { const o = viewer.page.view.objects[0];
@@ -118,7 +118,7 @@ fn a_person_moves_objects_and_light() {
     shot(&mut browser, "dragging.png");
     let place = on_page(&mut browser, [from[0] + 20.0, from[1]]);
     browser.mouse("mouseReleased", place);
-    // Every movement has arrived once it rests.
+    // At rest, every movement has arrived.
     browser.wait(FINAL);
     let moved = object(&mut browser, 0);
     assert_ne!(before["place"], moved["place"]);
@@ -127,7 +127,8 @@ fn a_person_moves_objects_and_light() {
     browser.key("z", 2 | 8);
     browser.wait(&format!("JSON.stringify(viewer.page.view.objects[0].place) === '{}'", moved["place"]));
 
-    // Esc drops a movement. Where the object came to depends on which movements the machine kept up with; back to where it stood it can always go.
+    // Esc cancels a drag. The intermediate positions depend on the machine's speed, but the original position is always
+    // restored.
     let seen = middle(&mut browser);
     let place = on_page(&mut browser, seen);
     browser.mouse("mouseMoved", place);
@@ -160,7 +161,7 @@ fn a_person_moves_objects_and_light() {
     );
     browser.wait("viewer.page.view.objects[0].material.roughness === 0.4");
 
-    // Meshes: a good one, and a broken one that says so.
+    // Meshes: a valid one, and a broken one with an error message.
     let suzanne = std::fs::read(lo_testdata::asset("suzanne.glb")).unwrap();
     browser.drop_file("suzanne.glb", &suzanne);
     browser.wait("viewer.page.view.objects.length === 2 && viewer.page.selectedId === 2");
@@ -171,7 +172,7 @@ fn a_person_moves_objects_and_light() {
     browser.key("Delete", 0);
     browser.wait("viewer.page.view.objects.length === 2");
 
-    // Exposure and false colour are the page's alone.
+    // Exposure and false colour only affect the display.
     let change = browser.value("viewer.page.change");
     let middle = "[...document.getElementById('picture').getContext('2d').getImageData(5, 5, 1, 1).data].slice(0, 3)";
     browser.wait(FINAL);
@@ -206,7 +207,7 @@ fn a_person_moves_objects_and_light() {
     shot(&mut browser, "help.png");
     click(&mut browser, "#help button");
 
-    // After a reload all is as it was.
+    // A reload restores everything.
     browser.call("Page.reload", serde_json::json!({}));
     browser.wait("globalThis.viewer?.page.view?.objects.length === 2");
     browser.wait(FINAL);
@@ -214,7 +215,7 @@ fn a_person_moves_objects_and_light() {
     browser.wait("document.getElementById('picture').width > 1500");
     shot(&mut browser, "large.png");
     let faults = std::mem::take(&mut browser.faults);
-    // The broken mesh's answer is an error of the network's to the browser.
+    // The browser reports the refusal of the broken mesh as a network error.
     let faults: Vec<_> = faults.into_iter().filter(|fault| !fault.contains("/upload/mesh")).collect();
     assert_eq!(faults, Vec::<String>::new());
 }
@@ -237,7 +238,7 @@ fn a_person_chooses_the_guessed_light() {
         )
     };
     assert_eq!(is_off(&mut browser), serde_json::json!([false, false, false, false]));
-    // A slider is dragged: drafts come, its number goes along, and it is one step.
+    // Dragging a slider renders drafts, updates its number, and is one step.
     let slide = |browser: &mut Browser, id: &str, values: &[f64]| {
         for value in values {
             set_field(browser, id, value, "input");
@@ -253,7 +254,7 @@ fn a_person_chooses_the_guessed_light() {
     browser.wait(&format!("{chosen}.contrast === 1"));
     browser.key("z", 2 | 8);
     browser.wait(&format!("{chosen}.contrast === 2.5"));
-    // A number is typed; one that cannot be does not stay.
+    // A number is typed; an invalid one is reverted.
     let typed = |browser: &mut Browser, id: &str, value: &str| {
         browser.value(&format!(
             "(() => {{ const field = document.getElementById('{id}').nextElementSibling; field.focus(); field.value = '{value}';
@@ -266,7 +267,7 @@ fn a_person_chooses_the_guessed_light() {
     browser.wait("document.getElementById('messages').textContent.includes('the warmth must be from -4 to 4')");
     browser.value("document.activeElement.blur()");
     browser.wait("document.getElementById('warmth').nextElementSibling.value === '0.73'");
-    // White is picked, by a click that selects nothing. Esc picks nothing.
+    // White is picked with a click that selects nothing. Esc cancels.
     let place = on_page(&mut browser, [40.7, 70.2]);
     let hint = "document.getElementById('pick-hint').hidden";
     click(&mut browser, "#pick-white");
@@ -296,7 +297,7 @@ fn a_person_chooses_the_guessed_light() {
     click(&mut browser, "#clear-white");
     browser.wait(&format!("!{chosen}.white"));
     browser.wait("document.getElementById('clear-white').hidden");
-    // What has no effect cannot be moved.
+    // Controls without effect are disabled.
     let choose = |browser: &mut Browser, light: &str| {
         set_field(browser, "guessed-light", light, "change");
         browser.wait(&format!("{chosen}.light === '{light}'"));
@@ -308,7 +309,7 @@ fn a_person_chooses_the_guessed_light() {
     browser.wait("document.getElementById('warmth').disabled");
     assert_eq!(is_off(&mut browser), serde_json::json!([false, true, true, true]));
     assert_eq!(browser.faults, Vec::<String>::new());
-    // A scene without a network's guess says so.
+    // A scene whose light was not inferred by a network has a note.
     let plain = room_with_scene();
     let viewer = Viewer::start(plain.path(), &["room.scene"]);
     browser.open(&viewer.address, [1280, 720]);
@@ -317,7 +318,7 @@ fn a_person_chooses_the_guessed_light() {
     shot(&mut browser, "no_guessed_light.png");
 }
 
-/// What the page shows of the room from outside is finished.
+/// The view from outside is at rest and its image is shown.
 const STILL: &str = "viewer.outside.isStill()";
 
 #[test]
@@ -334,9 +335,9 @@ fn a_person_looks_at_the_room_from_outside() {
     let pressed = browser.value("['view-photo', 'view-room'].map((id) => document.getElementById(id).ariaPressed)");
     assert_eq!(pressed, serde_json::json!(["false", "true"]));
     browser.value(
-        "Promise.all(['camera', 'outside'].map((name) => import(`./page/${name}.js`))).then(([{ project }, { cameraOf, inFrame }]) => {
+        "Promise.all(['camera', 'orbit'].map((name) => import(`./page/${name}.js`))).then(([{ project }, { cameraOf, inFrame }]) => {
            const camera = () => cameraOf(viewer.outside.shown.view, viewer.page.scene.up);
-           // The codes that the program's picture, or the canvas with its lines, has about points of the room.
+           // Codes of the program's image, or of the canvas with its lines, around points of the room.
            globalThis.codes = (points, onCanvas, reach) => {
              const { bitmap, view } = viewer.outside.shown;
              const canvas = onCanvas ? document.getElementById('outside') : new OffscreenCanvas(bitmap.width, bitmap.height);
@@ -356,7 +357,7 @@ fn a_person_looks_at_the_room_from_outside() {
          })",
     );
 
-    // Along the edges of the frustum lie lines in the accent's colour, which the program's picture has nowhere.
+    // The frustum's edges are drawn in the accent colour, which the program's image does not contain.
     let accents = |browser: &mut Browser, on_canvas: bool| {
         browser.value(&format!(
             "(() => {{ const {{ camera, extent }} = viewer.page.scene;
@@ -369,7 +370,7 @@ fn a_person_looks_at_the_room_from_outside() {
     };
     assert_eq!((accents(&mut browser, true), accents(&mut browser, false)), (12.into(), 0.into()));
 
-    // An object is drawn where the page's formula says, and nowhere beside it.
+    // An object is rendered where the page projects it, and nowhere else.
     press(&mut browser, "Chrome sphere");
     browser.wait("viewer.page.selectedId === 1");
     browser.wait(STILL);
@@ -381,7 +382,7 @@ fn a_person_looks_at_the_room_from_outside() {
     let with = browser.value("codes(points, false, 0)");
     shot(&mut browser, "room_with_object.png");
 
-    // A click selects it; dragging turns the view, and moves nothing in the room.
+    // A click selects it; dragging rotates the view and moves nothing in the room.
     browser.key("Escape", 0);
     browser.wait("viewer.page.selectedId === null");
     let number = |browser: &mut Browser, expression: &str| browser.value(expression).as_f64().unwrap();
@@ -425,10 +426,10 @@ fn a_person_looks_at_the_room_from_outside() {
     let differ: Vec<bool> = (0..7).map(|i| with[i] != without[i]).collect();
     assert_eq!(differ, [true, true, true, true, false, false, false], "{with} {without}");
 
-    // What is seen and what is guessed have the overlay's colours and legend; exposure is the program's work here.
+    // Provenance has the overlay's colours and legend. The program applies the exposure here.
     browser.value("(() => { const field = document.getElementById('overlay'); field.value = 'origins'; field.onchange({ target: field }); })()");
     browser.wait(STILL);
-    browser.wait("document.getElementById('legend').textContent.includes('guessed')");
+    browser.wait("document.getElementById('legend').textContent.includes('inferred')");
     assert_ne!(browser.value("codes(points, false, 0)"), without);
     shot(&mut browser, "room_origins.png");
     browser.value("(() => { const field = document.getElementById('overlay'); field.value = ''; field.onchange({ target: field }); })()");
@@ -460,7 +461,7 @@ fn a_person_makes_an_object_move() {
     browser.key("k", 0);
     browser.wait("viewer.page.view.objects[0].path?.keyframes.length === 1");
     browser.wait("!document.getElementById('timeline').hidden");
-    // The playhead goes to another time, the object to another place: a keyframe there.
+    // Moving the object at another time adds a keyframe.
     let seek = |browser: &mut Browser, time: &str| {
         browser.value(&format!(
             "(() => {{ const field = document.getElementById('playhead'); field.value = '{time}'; field.oninput(); }})()"
@@ -479,7 +480,7 @@ fn a_person_makes_an_object_move() {
     seek(&mut browser, "1");
     let at_1 = object(&mut browser, 0)["position_m"].clone();
     assert_ne!(at_1, at_2);
-    // A keyframe is dragged to another time, and back by undo.
+    // A keyframe is dragged to another time; undo restores it.
     let key = browser.value(
         "(() => { const box = document.querySelectorAll('#timeline .key')[1].getBoundingClientRect();
            return [box.left + box.width / 2, box.top + box.height / 2]; })()",
@@ -494,7 +495,7 @@ fn a_person_makes_an_object_move() {
     browser.mouse("mouseReleased", [place[0] - 100.0, place[1]]);
     browser.key("z", 2);
     browser.wait("viewer.page.view.timeline.span_s[1] === 2");
-    // It plays: times pass, and pictures of them come.
+    // Playback advances the time.
     browser.value("document.getElementById('stage').focus()");
     browser.key(" ", 0);
     browser.wait("document.getElementById('play').textContent === 'Stop'");
@@ -502,15 +503,15 @@ fn a_person_makes_an_object_move() {
     browser.wait(&format!("Math.abs(viewer.page.view.timeline.time_s - {before}) > 0.3"));
     browser.key(" ", 0);
     browser.wait("document.getElementById('play').textContent === 'Play'");
-    assert_eq!(browser.value("viewer.page.view.can_redo"), true, "looking at another time changes nothing");
-    // Click and Delete, and back.
+    assert_eq!(browser.value("viewer.page.view.can_redo"), true, "seeking is not a step");
+    // Delete a keyframe, and undo.
     click(&mut browser, "#timeline .key:nth-child(2)");
     browser.value("document.querySelectorAll('#timeline .key')[1].focus()");
     browser.key("Delete", 0);
     browser.wait("viewer.page.view.objects[0].path.keyframes.length === 1");
     browser.key("z", 2);
     browser.wait("viewer.page.view.objects[0].path.keyframes.length === 2");
-    // A short video is the command line's.
+    // A short video equals that of the command line.
     browser.value("(() => { const field = document.getElementById('fps'); field.value = '2'; field.onchange(); })()");
     browser.wait("viewer.page.view.timeline.frames === 5");
     click(&mut browser, "[data-file=\"video.y4m\"]");
@@ -525,8 +526,8 @@ fn a_person_makes_an_object_move() {
     std::fs::write(folder.path().join("objects.json"), layout).unwrap();
     done(folder.path(), &command.split(' ').skip(1).collect::<Vec<_>>());
     assert!(std::fs::read(video).unwrap() == std::fs::read(folder.path().join("video.y4m")).unwrap());
-    browser.wait("document.getElementById('film').hidden");
-    // All that is seen of it can be read and reached, in a small window and in a large one.
+    browser.wait("document.getElementById('sequence').hidden");
+    // Everything is visible and reachable, in a small and a large window.
     let wide =
         "document.documentElement.scrollWidth > innerWidth || document.documentElement.scrollHeight > innerHeight";
     assert_eq!(browser.value(wide), false);
@@ -572,18 +573,18 @@ fn controls_have_names_and_texts_have_contrast() {
          })()",
     );
     assert_eq!(faint, serde_json::json!([]));
-    // All that can be done with the pointer is within reach of Tab.
+    // All controls are reachable with Tab.
     let unreachable =
         browser.value("[...document.querySelectorAll('button, input, select')].filter((c) => c.tabIndex < 0).length");
     assert_eq!(unreachable, 0);
-    // Nothing hangs out of the window.
+    // Nothing overflows the window.
     let wide = browser.value(
         "document.documentElement.scrollWidth > innerWidth || document.documentElement.scrollHeight > innerHeight",
     );
     assert_eq!(wide, false);
 }
 
-/// Pictures a second and latency while an object is dragged, in the browser.
+/// Measures rate and latency of images while an object is dragged in the browser.
 fn drag_for(browser: &mut Browser, seconds: f64) -> (f64, f64, f64) {
     let seen = browser.value(
         "import('./page/camera.js').then(({ project, corners }) => { const o = viewer.page.selected();
@@ -609,7 +610,7 @@ fn drag_for(browser: &mut Browser, seconds: f64) -> (f64, f64, f64) {
     measured
 }
 
-/// Pictures a second, and latency in the median and in nine of ten, of the movement at hand.
+/// Returns images per second, and median and 90th percentile of the latency, ms, of the current movement.
 fn measured(browser: &mut Browser) -> (f64, f64, f64) {
     let numbers = |browser: &mut Browser, list: &str| -> Vec<f64> {
         let list = browser.value(&format!("viewer.figures.{list}"));
@@ -622,14 +623,14 @@ fn measured(browser: &mut Browser) -> (f64, f64, f64) {
     (rate, latencies[latencies.len() / 2], latencies[latencies.len() * 9 / 10])
 }
 
-/// Gives a field of the page a value, and the page this event of it.
+/// Sets a field of the page and dispatches an event.
 fn set_field(browser: &mut Browser, id: &str, value: impl std::fmt::Display, event: &str) {
     browser.value(&format!(
         "(() => {{ const field = document.getElementById('{id}'); field.value = '{value}'; field.dispatchEvent(new Event('{event}')); }})()"
     ));
 }
 
-/// Measures pictures while a slider moves.
+/// Measures rate and latency of images while a slider moves.
 fn slide_for(browser: &mut Browser, id: &str, seconds: f64) -> (f64, f64, f64) {
     browser.value("viewer.figures.latencies_ms.length = viewer.figures.frames_at_ms.length = 0");
     let begun = std::time::Instant::now();
@@ -643,7 +644,8 @@ fn slide_for(browser: &mut Browser, id: &str, seconds: f64) -> (f64, f64, f64) {
     measured
 }
 
-/// Pictures a second while the room is turned, how long the program works at one (median), and at one of a view that is still.
+/// Measures the view from outside: images per second during a rotation, median rendering time, and rendering time at
+/// rest, ms.
 fn turn_for(browser: &mut Browser, seconds: f64) -> (f64, f64, f64) {
     press(browser, "Room");
     browser.wait(STILL);
@@ -697,7 +699,7 @@ fn view_figures() {
         let first_s = begun.elapsed().as_secs_f64();
         browser.wait(FINAL);
         println!(
-            "{what}: first picture with an object after {first_s:.2} s, the final one after {:.2} s",
+            "{what}: first image with an object after {first_s:.2} s, the final one after {:.2} s",
             begun.elapsed().as_secs_f64()
         );
         for (name, add) in [("chrome sphere", None), ("tea set", Some("Tea set")), ("both", None)] {
@@ -713,7 +715,7 @@ fn view_figures() {
             browser.wait("viewer.page.selected() && viewer.figures.shown.change === viewer.page.change");
             let (rate, median_ms, ninth_ms) = drag_for(&mut browser, 8.0);
             println!(
-                "{what}, {name}: {rate:.1} pictures/s, {median_ms:.0} ms median from pointer to picture, {ninth_ms:.0} ms in nine of ten; server {:.0} MB",
+                "{what}, {name}: {rate:.1} images/s, {median_ms:.0} ms median from pointer to image, {ninth_ms:.0} ms 90th percentile; server {:.0} MB",
                 viewer.memory_mb()
             );
             shot(&mut browser, &format!("figures_{}.png", name.replace(' ', "_")));
@@ -727,13 +729,13 @@ fn view_figures() {
                 continue;
             }
             let (rate, median_ms, ninth_ms) = slide_for(&mut browser, id, 8.0);
-            println!("{what}, {name}: {rate:.1} pictures/s, {median_ms:.0} ms median, {ninth_ms:.0} ms in nine of ten");
+            println!("{what}, {name}: {rate:.1} images/s, {median_ms:.0} ms median, {ninth_ms:.0} ms 90th percentile");
             browser.wait(FINAL);
             shot(&mut browser, &format!("figures_{id}.png"));
         }
         let (rate, median_ms, still_ms) = turn_for(&mut browser, 8.0);
         println!(
-            "{what}, from outside: {rate:.1} pictures/s, {median_ms:.0} ms median for one; the still one after {still_ms:.0} ms"
+            "{what}, from outside: {rate:.1} images/s, {median_ms:.0} ms median rendering time; {still_ms:.0} ms at rest"
         );
         shot(&mut browser, "figures_outside.png");
         press(&mut browser, "Photo");

@@ -85,10 +85,10 @@ pub struct ShellReport {
 /// 2. Gravity, axes and six planes are estimated from the normals; the planes enclose all observed points but 0.5 %.
 /// 3. Pixels without a reading get a depth from the planes or their surroundings and keep the photo's colour.
 /// 4. The six faces get their observed radiance, extrapolated. A patch of light on the unobserved part of the ceiling
-///   supplies the light that is missing to explain the observed brightness.
+///    supplies the light that is missing to explain the observed brightness.
 /// 5. Each leaf that a face crosses gets a surfel, unless an observed surface is already there or the camera sees
-///   through the point: from the camera, the photo is unchanged. Surfaces are shells: the hidden volume behind an
-///   observed object (the back of a sofa, the inside of a desk) stays empty, and the wall behind it is closed.
+///    through the point: from the camera, the photo is unchanged. Surfaces are shells: the hidden volume behind an
+///    observed object (the back of a sofa, the inside of a desk) stays empty, and the wall behind it is closed.
 ///
 /// Any frame gives a room: without readings it is a box of default size with the photo on its walls. Deterministic.
 pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {

@@ -3,170 +3,170 @@ use lightoctree::insert::{Align, Interpolation};
 use lightoctree::scene::LightChange;
 use serde::{Deserialize, Serialize};
 
-use crate::{NewLight, ObjectMaterial, Place, Size};
+use crate::{NewLight, ObjectMaterial, ObjectPosition, ObjectSize};
 
-/// One thing that a session's user does.
+/// One edit of a session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Command {
-    /// Puts a new object into the photo, on the surface seen at a pixel, or where there is a free surface.
+    /// Adds an object on the surface seen at a pixel, or on a free surface.
     Add {
-        /// Name of its mesh.
+        /// Name of the mesh.
         mesh: String,
-        /// Where.
+        /// Photo position; `None` chooses a free surface.
         #[serde(default)]
         pixel: Option<[f64; 2]>,
-        /// Its material instead of the mesh's own.
+        /// Replaces the mesh's own materials.
         #[serde(default)]
         material: Option<ObjectMaterial>,
     },
-    /// Puts the same object beside.
+    /// Adds a copy next to an object.
     Duplicate {
-        /// Which.
+        /// Id of the object.
         object: u32,
     },
-    /// Takes an object away.
+    /// Deletes an object.
     Delete {
-        /// Which.
+        /// Id of the object.
         object: u32,
     },
-    /// Calls an object otherwise.
+    /// Renames an object.
     Rename {
-        /// Which.
+        /// Id of the object.
         object: u32,
-        /// How.
+        /// The new name.
         name: String,
     },
-    /// Stands an object elsewhere.
+    /// Moves an object to a position.
     Place {
-        /// Which.
+        /// Id of the object.
         object: u32,
-        /// Where.
-        place: Place,
+        /// The new position.
+        place: ObjectPosition,
     },
-    /// Drags an object so that its base's middle is seen at a photo position: along the surface it stands on.
+    /// Drags an object along its supporting surface, so that the middle of its base projects to a photo position.
     Drag {
-        /// Which.
+        /// Id of the object.
         object: u32,
-        /// Where to.
+        /// Photo position, pixels.
         to: [f64; 2],
     },
-    /// Makes an object larger or smaller.
+    /// Scales an object.
     Size {
-        /// Which.
+        /// Id of the object.
         object: u32,
-        /// How large.
-        size: Size,
+        /// The new size.
+        size: ObjectSize,
     },
-    /// Turns an object about its up.
+    /// Rotates an object about its up axis.
     Turn {
-        /// Which.
+        /// Id of the object.
         object: u32,
-        /// To where, degrees.
+        /// The new rotation, degrees.
         yaw_deg: f64,
     },
-    /// Stands an object upright, along its surface or along the picture.
+    /// Aligns an object with gravity, its supporting surface or the image.
     Align {
-        /// Which.
+        /// Id of the object.
         object: u32,
-        /// How.
+        /// The new alignment.
         align: Align,
     },
-    /// Gives an object a material, or the mesh's own.
+    /// Sets an object's material, or restores the mesh's own.
     Material {
-        /// Which.
+        /// Id of the object.
         object: u32,
-        /// What.
+        /// The material; `None` restores the mesh's own.
         material: Option<ObjectMaterial>,
     },
-    /// Adds a keyframe where an object stands now, or puts it in the place of the one of that time.
+    /// Adds a keyframe of an object's current pose, replacing one at the same time.
     SetKey {
-        /// Which object.
+        /// Id of the object.
         object: u32,
-        /// When, seconds.
+        /// Time of the keyframe, seconds.
         time_s: f64,
     },
-    /// Moves a keyframe to another time. As part of a gesture it is told from where it was before.
+    /// Moves a keyframe to another time. Within a gesture, `from_s` is the time before the gesture.
     MoveKey {
-        /// Of which object.
+        /// Id of the object.
         object: u32,
-        /// From when, seconds.
+        /// Current time of the keyframe, seconds.
         from_s: f64,
-        /// To when, seconds.
+        /// New time of the keyframe, seconds.
         to_s: f64,
     },
-    /// Takes a keyframe away.
+    /// Deletes a keyframe.
     DeleteKey {
-        /// Of which object.
+        /// Id of the object.
         object: u32,
-        /// Of when, seconds.
+        /// Time of the keyframe, seconds.
         time_s: f64,
     },
-    /// How an object goes from keyframe to keyframe.
+    /// Sets the interpolation between an object's keyframes.
     Interpolate {
-        /// Which.
+        /// Id of the object.
         object: u32,
-        /// How.
+        /// The new interpolation.
         interpolation: Interpolation,
     },
-    /// In how many pictures movements are shown, and how fast.
+    /// Sets the length and rate of the sequence.
     Frames {
-        /// How many; else as many as the keyframes take at `fps`.
+        /// Number of frames; `None` follows from the keyframes and `fps`.
         #[serde(default)]
         frames: Option<u32>,
         /// Frames per second.
         fps: u32,
     },
-    /// How polished what carries the objects is.
+    /// Sets the gloss of the surfaces that carry objects.
     FloorGloss {
         /// From 0 to 1.
         gloss: f32,
     },
-    /// Chooses the light of what no photo shows.
+    /// Chooses the light of unobserved regions.
     GuessedLight {
-        /// Which.
+        /// The light.
         light: LightMode,
     },
     /// Tunes the contrast of plausible light.
     Contrast {
-        /// Factor on that of similar rooms in stops, from 0 to 3.
+        /// Factor on the contrast of similar rooms in stops, 0 to 3.
         factor: f32,
     },
     /// Tunes the colour of expected and plausible light.
     Warmth {
-        /// Stops by which it is redder than estimated, from −4 to 4.
+        /// Stops by which the light is redder than estimated, −4 to 4.
         ev: f32,
     },
-    /// Says what is white: expected and plausible light get the colour that it has in the photo.
+    /// Declares a pixel white: expected and plausible light take its colour in the photo.
     White {
-        /// A pixel that shows it, or none.
+        /// Position of the pixel; `None` clears it.
         #[serde(default)]
         pixel: Option<[f64; 2]>,
     },
-    /// Changes a light of the list.
+    /// Edits a listed light.
     SetLight {
-        /// Its name in the list.
+        /// Id of the light.
         light: String,
-        /// What is changed of it.
+        /// The edit.
         change: LightChange,
     },
     /// Adds a light.
     AddLight {
-        /// What.
+        /// The new light.
         new: NewLight,
     },
-    /// Puts another light in the place of one that was added.
+    /// Replaces an added light.
     ReplaceLight {
-        /// Its name in the list.
+        /// Id of the light.
         light: String,
-        /// What.
+        /// The new light.
         new: NewLight,
     },
-    /// Takes an added light away.
+    /// Removes an added light.
     RemoveLight {
-        /// Its name in the list.
+        /// Id of the light.
         light: String,
     },
-    /// Forgets all changes of the light.
+    /// Discards all light edits.
     ResetLights,
 }

@@ -1,19 +1,19 @@
-//! The `lightoctree insert` that makes a session's picture.
+//! The `lightoctree insert` command line equivalent to a session's state.
 
 use lightoctree::insert::{Align, LayoutObject};
 use lightoctree::{GuessedLight, LightTuning};
 
 use crate::{Object, State};
 
-/// The command line that writes the final picture of a state from the scene's file, or the video where something moves; without objects there is none. `lightoctree` and its options are
-/// quoted for a POSIX shell.
+/// Returns the command line that writes a state's final image from the scene file, or the video if it is animated.
+/// Quoted for a POSIX shell. `None` without objects.
 pub fn insert_command(scene_file: &str, state: &State) -> Option<String> {
-    let words = insert_words(scene_file, state)?;
+    let words = insert_argv(scene_file, state)?;
     Some(words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" "))
 }
 
-/// The same, word by word, from `insert` on.
-pub fn insert_words(scene_file: &str, state: &State) -> Option<Vec<String>> {
+/// Returns the unquoted words of [`insert_command`], `lightoctree` first.
+pub fn insert_argv(scene_file: &str, state: &State) -> Option<Vec<String>> {
     if state.objects.is_empty() {
         return None;
     }
@@ -21,24 +21,25 @@ pub fn insert_words(scene_file: &str, state: &State) -> Option<Vec<String>> {
     if state.span_s().is_some() {
         let (frames, fps) = (state.sequence_frames().to_string(), state.fps.to_string());
         words.extend(["--layout", "objects.json", "--frames", &frames, "--fps", &fps].map(str::to_owned));
-        words.extend(of_scene(state));
+        words.extend(scene_options(state));
         words.extend(["-o", "video.y4m"].map(str::to_owned));
         return Some(words);
     }
-    state.objects.iter().map(Object::to_layout).for_each(|object| words.extend(of_object(&object)));
-    words.extend(of_scene(state));
+    state.objects.iter().map(Object::to_layout).for_each(|object| words.extend(object_options(&object)));
+    words.extend(scene_options(state));
     words.extend(["--quality", "high", "-o", "picture.png"].map(str::to_owned));
     Some(words)
 }
 
-/// Options that concern all objects: the polish of the floor, and the light.
-fn of_scene(state: &State) -> Vec<String> {
+/// Returns the options that affect all objects: floor gloss and light.
+fn scene_options(state: &State) -> Vec<String> {
     let gloss = (state.floor_gloss > 0.0).then(|| ["--floor-gloss".to_owned(), state.floor_gloss.to_string()]);
-    gloss.into_iter().flatten().chain(of_light(state)).collect()
+    gloss.into_iter().flatten().chain(light_options(state)).collect()
 }
 
-/// The light that was chosen, with all of its options that differ from their defaults: one of them makes `insert` forget what the scene's file says.
-fn of_light(state: &State) -> Vec<String> {
+/// Returns the chosen light with all options that differ from their defaults. A single option makes `insert` ignore the
+/// choice in the scene file.
+fn light_options(state: &State) -> Vec<String> {
     if state.lights.guessed.is_none() {
         return Vec::new();
     }
@@ -58,13 +59,13 @@ fn list<const N: usize>(numbers: [f64; N]) -> String {
     numbers.map(|number| number.to_string()).join(",")
 }
 
-fn of_object(object: &LayoutObject) -> Vec<String> {
+fn object_options(object: &LayoutObject) -> Vec<String> {
     let align = object.align.map(|align| match align {
         Align::Gravity => "gravity",
         Align::Surface => "surface",
         Align::None => "none",
     });
-    // Positions and turns are read in single precision, and are such numbers here.
+    // Positions and rotations are read in single precision and rounded to it here.
     let single = |numbers: [f64; 3]| numbers.map(|number| (number as f32).to_string()).join(",");
     let options = [
         ("--mesh", Some(object.mesh.display().to_string())),

@@ -3,10 +3,10 @@ use lightoctree::insert::InsertError;
 use lightoctree::lo_lights::LightsError;
 use lightoctree::mesh::MeshError;
 
-/// Why a command is not carried out, or there is no picture.
+/// A command was refused, or an image could not be rendered.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// No object has this number.
+    /// No object has this id.
     #[error("there is no object {0}")]
     NoObject(u32),
     /// No mesh has this name.
@@ -15,69 +15,69 @@ pub enum SessionError {
     /// No light has this name.
     #[error("there is no light called {0}")]
     NoLight(String),
-    /// The object has no keyframe there.
+    /// The object has no keyframe at the given time.
     #[error("the object has no keyframe at that time")]
     NoKeyframe,
-    /// Another object has that name.
-    #[error("another object is called {0} already")]
+    /// Another object already has this name.
+    #[error("another object is already called {0}")]
     NameTaken(String),
-    /// A number that is out of its range.
+    /// A number is out of range.
     #[error("{name} must be {needed}, got {found}")]
-    Number {
-        /// Which.
+    InvalidNumber {
+        /// The name of the number in messages.
         name: &'static str,
-        /// What it must be.
+        /// The accepted range.
         needed: &'static str,
-        /// What it is.
+        /// The value.
         found: f64,
     },
-    /// More than a session holds.
-    #[error("there are {limit} {what} already, and no more are kept")]
-    Full {
-        /// Of what.
+    /// A limit of the session is reached.
+    #[error("the session has {limit} {what} already, which is the limit")]
+    TooMany {
+        /// What is limited, in plural.
         what: &'static str,
-        /// How many.
+        /// The limit.
         limit: usize,
     },
-    /// Something out of its range.
+    /// A value is out of range.
     #[error("{0} is out of range")]
-    Range(&'static str),
-    /// What the light at hand does not depend on.
+    OutOfRange(&'static str),
+    /// The command has no effect on the current light.
     #[error("{0}")]
     NoEffect(&'static str),
-    /// The scene cannot be lit so.
+    /// The scene cannot be lit with the chosen light.
     #[error(transparent)]
     Lighting(#[from] lightoctree::LightingError),
-    /// Numbers of a sequence that are out of range.
+    /// The frame count or rate of a sequence is out of range.
     #[error("{0}")]
-    Shown(&'static str),
-    /// Nothing moves.
-    #[error("nothing moves yet: add a keyframe first")]
+    Sequence(&'static str),
+    /// No object has keyframes.
+    #[error("nothing is animated yet: add a keyframe first")]
     NothingMoves,
-    /// There is no picture without objects but the photo.
-    #[error("nothing stands in the photo yet")]
+    /// There are no objects, so the image would be the photo.
+    #[error("there are no objects in the photo yet")]
     NoObjects,
-    /// An object cannot stand so, or be rendered.
+    /// An object cannot be placed or rendered.
     #[error(transparent)]
     Insert(#[from] InsertError),
     /// A mesh or material cannot be used.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// What stands in the scene's file cannot stand there.
+    /// A mesh of the scene file cannot be used.
     #[error(transparent)]
     Model(#[from] lightoctree::ModelError),
-    /// An object of the scene's file is told in a way that only the command line knows.
-    #[error("the scene's objects: {object} has {what}, which this page does not know; `lightoctree insert` does")]
-    Foreign {
-        /// Its name.
+    /// An object of the scene file uses a feature that only the command line supports.
+    #[error("the scene's objects: {object} has {what}, which the viewer does not support; use `lightoctree insert`")]
+    Unsupported {
+        /// The object's name.
         object: String,
-        /// What of it.
+        /// The unsupported feature.
         what: &'static str,
     },
-    /// Edits of lights do not fit the scene.
+    /// The light edits do not match the scene.
     #[error(transparent)]
     Lights(#[from] LightsError),
-    /// A picture cannot be written.
+    /// An image cannot be encoded.
     #[error(transparent)]
     Image(#[from] ImageError),
     /// The scene cannot be written.
@@ -89,16 +89,16 @@ pub enum SessionError {
     /// The light cannot be traced.
     #[error(transparent)]
     Tracer(#[from] lightoctree::cone::TracerError),
-    /// No folder for an export's files.
+    /// The temporary files of an export cannot be written or read.
     #[error("temporary files: {0}")]
     Temporary(#[from] std::io::Error),
-    /// The layout cannot be written.
+    /// The layout cannot be serialized.
     #[error("layout: {0}")]
     Json(#[from] serde_json::Error),
 }
 
 impl SessionError {
-    /// Whether the handler of events asked for the end.
+    /// Returns whether the event handler cancelled the work.
     pub fn is_cancelled(&self) -> bool {
         matches!(self, Self::Insert(InsertError::Cancelled(_)))
     }

@@ -1,30 +1,30 @@
-//! Keyframes of objects: where one stands at which time.
+//! Keyframes of objects: position and rotation at given times.
 
 use lightoctree::insert::{Interpolation, Keyframe, Path};
 use lightoctree::scene::MAX_TIME_S;
 
-use crate::{Object, Place, SessionError};
+use crate::{Object, ObjectPosition, SessionError};
 
-/// Most keyframes of an object.
+/// Maximum number of keyframes of an object.
 const MAX_KEYFRAMES: usize = 500;
 
-/// Times are told to a ten-thousandth of a second; what is nearer is the same time.
+/// Resolution of times: nearer times are equal.
 const STEPS_PER_S: f64 = 1e4;
 
-/// A time as it is kept.
+/// Rounds a time to the resolution of keyframes.
 ///
 /// # Errors
-/// Outside of 0 to [`MAX_TIME_S`].
-pub(crate) fn kept_time_s(time_s: f64) -> Result<f64, SessionError> {
+/// If the time is outside 0 to [`MAX_TIME_S`].
+pub(crate) fn quantized_time_s(time_s: f64) -> Result<f64, SessionError> {
     if (0.0..=MAX_TIME_S).contains(&time_s) {
         Ok((time_s * STEPS_PER_S).round() / STEPS_PER_S)
     } else {
-        Err(SessionError::Number { name: "the time", needed: "from 0 to 3600 seconds", found: time_s })
+        Err(SessionError::InvalidNumber { name: "the time", needed: "from 0 to 3600 seconds", found: time_s })
     }
 }
 
-/// The keyframe that an object stands at: that of the time, and before the first and after the last that one.
-pub(crate) fn shown_key(path: &Path, time_s: f64) -> Option<&Keyframe> {
+/// Returns the keyframe that applies at a time exactly: the one at the time, or the first or last one outside the path.
+pub(crate) fn key_at(path: &Path, time_s: f64) -> Option<&Keyframe> {
     let (first, last) = (path.keyframes.first()?, path.keyframes.last()?);
     if time_s <= first.time_s {
         Some(first)
@@ -35,11 +35,11 @@ pub(crate) fn shown_key(path: &Path, time_s: f64) -> Option<&Keyframe> {
     }
 }
 
-/// Where a keyframe is.
-pub(crate) fn place_of(key: &Keyframe) -> Place {
+/// Returns the position of a keyframe.
+pub(crate) fn position_of(key: &Keyframe) -> ObjectPosition {
     match (key.pixel, key.position_m) {
-        (Some(pixel), _) => Place::Pixel(pixel),
-        (None, position_m) => Place::Position(position_m.unwrap_or_default()),
+        (Some(pixel), _) => ObjectPosition::Pixel(pixel),
+        (None, position_m) => ObjectPosition::Position(position_m.unwrap_or_default()),
     }
 }
 
@@ -48,77 +48,81 @@ fn is_same(a_s: f64, b_s: f64) -> bool {
 }
 
 impl Object {
-    /// Stands it elsewhere, or turns it: where it has keyframes, in the one of that time, which is added where there is none.
+    /// Sets position and rotation. An animated object gets them in the keyframe at the time, added if there is none.
     ///
     /// # Errors
-    /// As [`Object::set_key`].
-    pub(crate) fn stand(&mut self, place: Place, yaw_deg: f64, time_s: f64) -> Result<(), SessionError> {
-        (self.place, self.yaw_deg) = (place, yaw_deg);
+    /// Those of [`Object::set_key`].
+    pub(crate) fn set_pose(&mut self, position: ObjectPosition, yaw_deg: f64, time_s: f64) -> Result<(), SessionError> {
+        (self.position, self.yaw_deg) = (position, yaw_deg);
         if self.path.is_some() { self.set_key(time_s) } else { Ok(()) }
     }
 
-    /// Adds a keyframe where it stands now, or puts it in the place of the one of that time.
+    /// Adds a keyframe of the current pose, replacing one at the same time.
     ///
     /// # Errors
-    /// A time out of range, a turn that is no number; too many keyframes.
+    /// If the time is out of range, the rotation is not finite, or there are too many keyframes.
     pub(crate) fn set_key(&mut self, time_s: f64) -> Result<(), SessionError> {
         if !self.yaw_deg.is_finite() {
-            return Err(SessionError::Number { name: "the turn", needed: "a finite angle", found: self.yaw_deg });
+            return Err(SessionError::InvalidNumber {
+                name: "the rotation",
+                needed: "a finite angle",
+                found: self.yaw_deg,
+            });
         }
-        let (pixel, position_m) = match self.place.rounded() {
-            Place::Pixel(pixel) => (Some(pixel), None),
-            Place::Position(position_m) => (None, Some(position_m)),
+        let (pixel, position_m) = match self.position.rounded() {
+            ObjectPosition::Pixel(pixel) => (Some(pixel), None),
+            ObjectPosition::Position(position_m) => (None, Some(position_m)),
         };
         let yaw_deg = (self.yaw_deg * 1e3).round() / 1e3;
-        self.put_key(Keyframe { time_s: kept_time_s(time_s)?, position_m, pixel, yaw_deg })
+        self.insert_key(Keyframe { time_s: quantized_time_s(time_s)?, position_m, pixel, yaw_deg })
     }
 
-    /// Moves a keyframe to another time, where it takes the place of what is there.
+    /// Moves a keyframe to another time, replacing one there.
     ///
     /// # Errors
-    /// Where there is none; a time out of range.
+    /// If there is no keyframe at `from_s`, or `to_s` is out of range.
     pub(crate) fn move_key(&mut self, from_s: f64, to_s: f64) -> Result<(), SessionError> {
-        let time_s = kept_time_s(to_s)?;
-        let key = self.take_key(from_s)?;
-        self.put_key(Keyframe { time_s, ..key })
+        let time_s = quantized_time_s(to_s)?;
+        let key = self.remove_key(from_s)?;
+        self.insert_key(Keyframe { time_s, ..key })
     }
 
-    /// Takes a keyframe away; without the last one the object stands where that was.
+    /// Deletes a keyframe. After the last one is deleted, the object stays at its pose.
     ///
     /// # Errors
-    /// Where there is none.
+    /// If there is no keyframe at the time.
     pub(crate) fn delete_key(&mut self, time_s: f64) -> Result<(), SessionError> {
-        let key = self.take_key(time_s)?;
+        let key = self.remove_key(time_s)?;
         if self.path.as_ref().is_some_and(|path| path.keyframes.is_empty()) {
             self.path = None;
-            (self.place, self.yaw_deg) = (place_of(&key), key.yaw_deg);
+            (self.position, self.yaw_deg) = (position_of(&key), key.yaw_deg);
         }
         Ok(())
     }
 
-    /// How it goes from keyframe to keyframe.
+    /// Sets the interpolation between keyframes.
     ///
     /// # Errors
-    /// Without keyframes.
+    /// If there are no keyframes.
     pub(crate) fn interpolate(&mut self, interpolation: Interpolation) -> Result<(), SessionError> {
         let path = self.path.as_mut().ok_or(SessionError::NoKeyframe)?;
         path.interpolation = interpolation;
         Ok(())
     }
 
-    fn put_key(&mut self, key: Keyframe) -> Result<(), SessionError> {
+    fn insert_key(&mut self, key: Keyframe) -> Result<(), SessionError> {
         let path =
             self.path.get_or_insert_with(|| Path { interpolation: Interpolation::default(), keyframes: Vec::new() });
         path.keyframes.retain(|other| !is_same(other.time_s, key.time_s));
         if path.keyframes.len() >= MAX_KEYFRAMES {
-            return Err(SessionError::Full { what: "keyframes", limit: MAX_KEYFRAMES });
+            return Err(SessionError::TooMany { what: "keyframes", limit: MAX_KEYFRAMES });
         }
         let index = path.keyframes.partition_point(|other| other.time_s < key.time_s);
         path.keyframes.insert(index, key);
         Ok(())
     }
 
-    fn take_key(&mut self, time_s: f64) -> Result<Keyframe, SessionError> {
+    fn remove_key(&mut self, time_s: f64) -> Result<Keyframe, SessionError> {
         let path = self.path.as_mut().ok_or(SessionError::NoKeyframe)?;
         let index = path.keyframes.iter().position(|key| is_same(key.time_s, time_s));
         index.map(|index| path.keyframes.remove(index)).ok_or(SessionError::NoKeyframe)

@@ -1,18 +1,20 @@
-//! A session at a scene: objects and lights that somebody moves about, with undo, and the pictures of them. What `lightoctree view` shows, without HTTP.
+//! An interactive editing session of one scene: objects, lights, undo, and progressive rendering. `lightoctree view`
+//! without HTTP.
 //!
-//! - [`OpenScene`]: a scene, made ready once.
-//! - [`Session`]: what stands where, changed by [`Command`]s; a gesture is previewed, then kept or dropped; undo and redo without limit.
-//! - [`Renderer`]: pictures in [`Step`]s, from a small draft while something moves to the picture that `lightoctree insert --quality high` writes. The
-//!   library's events report and cancel.
-//! - [`insert_command`] is that command line, [`outputs`] what is taken away, [`Probe`] the light at a place, [`overlay`] what is known of the room, [`Outside`] the
-//!   room from wherever one likes.
+//! - [`OpenScene`]: a scene prepared for editing.
+//! - [`Session`]: the edited [`State`], changed by [`Command`]s. A gesture is previewed, then committed or cancelled.
+//!   Undo and redo are unlimited.
+//! - [`Renderer`]: renders in [`RenderStep`]s, from a small draft during a movement to the image that
+//!   `lightoctree insert --quality high` writes. The library's events report progress and cancel.
+//! - [`insert_command`]: that command line. [`outputs`]: downloadable files. [`Probe`]: the light at a point.
+//! [`overlay`]: depth, normals, levels and provenance over the photo. [`OutsideRenderer`]: the room from any viewpoint.
 //!
-//! Everything that stands in a [`State`] can be said on the command line of `insert`, so that the two make the same picture by construction.
+//! The command line of `insert` can express every [`State`], so both render the same image by construction.
 
 mod command;
 mod command_line;
+mod draft_patch;
 mod drag;
-mod enlarged;
 mod error;
 mod keyframes;
 mod light;
@@ -30,21 +32,21 @@ mod sequence;
 mod session;
 mod state;
 mod view;
-mod visible;
+mod visibility;
 
 pub use command::Command;
-pub use command_line::{insert_command, insert_words};
-pub use enlarged::Part;
+pub use command_line::{insert_argv, insert_command};
+pub use draft_patch::ImagePatch;
 pub use error::SessionError;
 pub use light::NewLight;
-pub use lit::LitScenes;
+pub use lit::LitSceneCache;
 pub use mesh::{Files, Mesh, ObjectMaterial};
-pub use object::{Object, Place, Size};
+pub use object::{Object, ObjectPosition, ObjectSize};
 pub use open::{OpenScene, RoomExtent};
-pub use outside::{Outside, OutsideView};
-pub use overlay::{Overlay, OverlayPicture, overlay};
-pub use probe::{Probe, ProbePictures, probe_place};
-pub use renderer::{MOVING_SIDES, RESTING_SIDE, Renderer, Step};
+pub use outside::{OutsideRenderer, OutsideView};
+pub use overlay::{Overlay, OverlayImage, overlay};
+pub use probe::{Probe, ProbeImages, probe_position};
+pub use renderer::{MOVING_SIDES, RESTING_SIDE, RenderStep, Renderer};
 pub use sequence::Sequence;
 pub use session::Session;
 pub use state::State;

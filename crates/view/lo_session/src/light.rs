@@ -6,30 +6,30 @@ use serde::{Deserialize, Serialize};
 
 use crate::SessionError;
 
-/// A light that somebody adds, in a user's numbers.
+/// A light to add, in user-facing units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum NewLight {
-    /// A disc at infinity.
+    /// A distant disc.
     Sun {
-        /// Degrees to the right of where the camera looks, about the vertical.
+        /// Degrees to the right of the camera's axis, about the vertical.
         azimuth_deg: f32,
         /// Degrees above the horizon.
         elevation_deg: f32,
-        /// Irradiance on a surface that faces it, luminance.
+        /// Luminance of the irradiance on a surface facing the sun.
         strength: f32,
-        /// Degrees that it is wide.
+        /// Angular diameter, degrees.
         angle_deg: f32,
         /// Colour temperature, kelvin.
         kelvin: f32,
     },
-    /// A sphere that shines all around.
+    /// A sphere that emits in all directions.
     Sphere {
-        /// Its middle, metres.
+        /// Centre, metres.
         at_m: [f32; 3],
-        /// Its radius, metres.
+        /// Radius, metres.
         radius_m: f32,
-        /// Luminance of its radiance; 1 is the photo's white.
+        /// Luminance of the radiance; 1 is the photo's white.
         radiance: f32,
         /// Colour temperature, kelvin.
         kelvin: f32,
@@ -37,17 +37,23 @@ pub enum NewLight {
 }
 
 impl NewLight {
+    /// Converts to an analytic light in the scene's frame.
+    ///
     /// # Errors
-    /// Numbers out of range.
+    /// If a number is out of range.
     pub fn analytic(self, estimate: &Estimate) -> Result<AnalyticLight, SessionError> {
         let color = |kelvin: f32| {
             let known = (lightoctree::scene::MIN_KELVIN..=lightoctree::scene::MAX_KELVIN).contains(&kelvin);
-            if known { Ok(rgb_from_color(LightColor::Kelvin(kelvin))) } else { Err(SessionError::Range("the colour")) }
+            if known {
+                Ok(rgb_from_color(LightColor::Kelvin(kelvin)))
+            } else {
+                Err(SessionError::OutOfRange("the colour"))
+            }
         };
         let (shape, white, color) = match self {
             Self::Sun { azimuth_deg, elevation_deg, strength, angle_deg, kelvin } => {
                 if !(azimuth_deg.is_finite() && (-90.0..=90.0).contains(&elevation_deg)) {
-                    return Err(SessionError::Range("the direction"));
+                    return Err(SessionError::OutOfRange("the direction"));
                 }
                 let direction = sun_direction(estimate, azimuth_deg.into(), elevation_deg.into());
                 let shape = LightShape::Sun { direction, angular_radius_deg: 0.5 * angle_deg, of_photo: false };
@@ -59,6 +65,6 @@ impl NewLight {
             }
         };
         let light = AnalyticLight { shape, radiance: (color * white).to_array() };
-        light.invalid_field().map_or(Ok(light), |what| Err(SessionError::Range(what)))
+        light.invalid_field().map_or(Ok(light), |what| Err(SessionError::OutOfRange(what)))
     }
 }

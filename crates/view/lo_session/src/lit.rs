@@ -6,102 +6,102 @@ use lightoctree::{FittedLight, GuessedLight, LaidLight, LitScene};
 
 use crate::{OpenScene, SessionError, State};
 
-/// Choices of light that are held: undo and redo go from one to another.
-const LAID: usize = 4;
+/// Maximum number of cached choices of light, so that undo and redo do not fit again.
+const MAX_CACHED_LIGHTS: usize = 4;
 
-/// A scene as its edits light it, the last one held: relighting takes longer than many pictures.
-pub struct LitScenes {
-    open: Arc<OpenScene>,
-    last: Mutex<Option<Lit>>,
-    /// The last one whose lamps are a preview.
-    draft: Mutex<Option<Lit>>,
-    /// The newest last.
+/// Caches the scene lit by a state's edits, because relighting takes longer than rendering many images.
+pub struct LitSceneCache {
+    scene: Arc<OpenScene>,
+    last: Mutex<Option<CachedScene>>,
+    /// The last scene whose lamps are only previewed.
+    draft: Mutex<Option<CachedScene>>,
+    /// Lights by choice, newest last.
     laid: Mutex<Vec<Arc<LaidLight>>>,
-    /// Held while lamps are fitted.
+    /// Locked while lamps are fitted.
     fitting: Mutex<()>,
 }
 
-struct Lit {
+struct CachedScene {
     edits: LightEdits,
-    /// From where, where light differs by direction.
+    /// Position from which directional radiance is evaluated.
     seen_from: Option<Vec3>,
     scene: Arc<LitScene>,
 }
 
-impl LitScenes {
-    /// Of one scene.
-    pub fn new(open: Arc<OpenScene>) -> Self {
-        let laid = Mutex::new(vec![Arc::new(open.fitted.usual().clone())]);
-        Self { open, last: Mutex::default(), draft: Mutex::default(), laid, fitting: Mutex::default() }
+impl LitSceneCache {
+    /// Creates a cache for one scene.
+    pub fn new(scene: Arc<OpenScene>) -> Self {
+        let laid = Mutex::new(vec![Arc::new(scene.fitted.usual().clone())]);
+        Self { scene, last: Mutex::default(), draft: Mutex::default(), laid, fitting: Mutex::default() }
     }
 
-    /// The scene.
-    pub fn open(&self) -> &Arc<OpenScene> {
-        &self.open
+    /// Returns the scene.
+    pub fn scene(&self) -> &Arc<OpenScene> {
+        &self.scene
     }
 
-    /// The middle of the objects, of those that move in their first frame.
+    /// Returns the centre of the objects, in the first frame if they are animated.
     fn middle(&self, state: &State) -> Result<Vec3, SessionError> {
         let first = match state.span_s() {
-            Some([first_s, _]) => &state.at(first_s, self.open.ground())?,
+            Some([first_s, _]) => &state.at(first_s, self.scene.ground())?,
             None => state,
         };
-        let places = first.objects.iter().map(|object| object.placement.position_m);
-        Ok(places.sum::<Vec3>() / first.objects.len().max(1) as f32)
+        let positions = first.objects.iter().map(|object| object.placement.position_m);
+        Ok(positions.sum::<Vec3>() / first.objects.len().max(1) as f32)
     }
 
-    /// Lit as a state says, as `insert` lights it.
+    /// Returns the scene lit by a state's edits, as `insert` lights it.
     ///
     /// # Errors
-    /// Where an edit is of an emitter that there is not, and where what is said to be white has no colour.
-    pub fn of(&self, state: &State) -> Result<Arc<LitScene>, SessionError> {
+    /// If an edit refers to an unknown emitter, or the white pixel has no colour.
+    pub fn lit(&self, state: &State) -> Result<Arc<LitScene>, SessionError> {
         match self.seen_from(state)? {
             None => {
                 let laid = self.laid(&state.guessed())?;
-                lit(&self.last, state, None, || Ok(self.open.fitted.lit(&laid, &state.lights)?))
+                cached(&self.last, state, None, || Ok(self.scene.fitted.lit(&laid, &state.lights)?))
             }
-            Some(at) => lit(&self.last, state, Some(at), || {
-                let fitted = FittedLight::seen_from(&self.open.document.estimate, at);
+            Some(at) => cached(&self.last, state, Some(at), || {
+                let fitted = FittedLight::seen_from(&self.scene.document.estimate, at);
                 Ok(fitted.lit(&fitted.laid(&state.guessed())?, &state.lights)?)
             }),
         }
     }
 
-    /// As [`LitScenes::of`] where lamps are fitted in the state's light already; else with a preview of that, so that
-    /// what moves does not wait.
+    /// Returns the same as [`LitSceneCache::lit`] if the lamps of the state's light are fitted already, else a preview
+    /// of it, so that drafts do not wait.
     ///
     /// # Errors
-    /// Those of [`LitScenes::of`].
-    pub fn draft_of(&self, state: &State) -> Result<Arc<LitScene>, SessionError> {
+    /// Those of [`LitSceneCache::lit`].
+    pub fn lit_draft(&self, state: &State) -> Result<Arc<LitScene>, SessionError> {
         let guessed = state.guessed();
-        if self.seen_from(state)?.is_some() || self.known(&guessed).is_some() {
-            return self.of(state);
+        if self.seen_from(state)?.is_some() || self.fitted_light(&guessed).is_some() {
+            return self.lit(state);
         }
-        lit(&self.draft, state, None, || {
+        cached(&self.draft, state, None, || {
             let like = locked(&self.laid).last().cloned();
-            let fitted = &self.open.fitted;
+            let fitted = &self.scene.fitted;
             let laid = fitted.drafted(&guessed, like.as_deref().unwrap_or(fitted.usual()))?;
             Ok(fitted.lit(&laid, &state.lights)?)
         })
     }
 
     fn seen_from(&self, state: &State) -> Result<Option<Vec3>, SessionError> {
-        self.open.estimate().light.lobes.as_ref().map(|_| self.middle(state)).transpose()
+        self.scene.estimate().light.lobes.as_ref().map(|_| self.middle(state)).transpose()
     }
 
-    fn known(&self, guessed: &GuessedLight) -> Option<Arc<LaidLight>> {
+    fn fitted_light(&self, guessed: &GuessedLight) -> Option<Arc<LaidLight>> {
         locked(&self.laid).iter().find(|laid| laid.guessed() == guessed).cloned()
     }
 
     fn laid(&self, guessed: &GuessedLight) -> Result<Arc<LaidLight>, SessionError> {
         // Concurrent callers share one result.
         let _fitting = locked(&self.fitting);
-        if let Some(laid) = self.known(guessed) {
+        if let Some(laid) = self.fitted_light(guessed) {
             return Ok(laid);
         }
-        let new = Arc::new(self.open.fitted.laid(guessed)?);
+        let new = Arc::new(self.scene.fitted.laid(guessed)?);
         let mut laid = locked(&self.laid);
-        if laid.len() >= LAID {
+        if laid.len() >= MAX_CACHED_LIGHTS {
             laid.remove(0);
         }
         laid.push(new.clone());
@@ -113,18 +113,18 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What is held, where it is of the state, or else something new. Concurrent callers share one result.
-fn lit(
-    held: &Mutex<Option<Lit>>,
+/// Returns the cached scene if it matches the state, else makes and caches one. Concurrent callers share one result.
+fn cached(
+    slot: &Mutex<Option<CachedScene>>,
     state: &State,
     seen_from: Option<Vec3>,
     make: impl FnOnce() -> Result<LitScene, SessionError>,
 ) -> Result<Arc<LitScene>, SessionError> {
-    let mut held = locked(held);
-    if let Some(lit) = held.as_ref().filter(|lit| lit.edits == state.lights && lit.seen_from == seen_from) {
+    let mut slot = locked(slot);
+    if let Some(lit) = slot.as_ref().filter(|lit| lit.edits == state.lights && lit.seen_from == seen_from) {
         return Ok(lit.scene.clone());
     }
     let scene = Arc::new(make()?);
-    *held = Some(Lit { edits: state.lights.clone(), seen_from, scene: scene.clone() });
+    *slot = Some(CachedScene { edits: state.lights.clone(), seen_from, scene: scene.clone() });
     Ok(scene)
 }

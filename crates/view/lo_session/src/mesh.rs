@@ -11,24 +11,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::SessionError;
 
-/// Materials of one mesh that are held ready.
-const READY: usize = 8;
+/// Maximum number of cached materials of a mesh.
+const MAX_CACHED_MATERIALS: usize = 8;
 
 /// Files by name.
 pub type Files = BTreeMap<String, Arc<[u8]>>;
 
-/// A mesh that objects of a session are made of.
+/// A mesh available to a session.
 pub struct Mesh {
     name: String,
-    /// Its file and, as `mesh/part`, those that it names, as they came; none for what the library carries.
+    /// The mesh file and, as `mesh/part`, the files that it references; empty for built-in meshes.
     files: Files,
     plain: Arc<PreparedModel>,
     base: Base,
-    /// The same of other materials, the last used one last.
-    ready: Mutex<Vec<(ObjectMaterial, Arc<PreparedModel>)>>,
+    /// Copies with other materials, most recently used last.
+    by_material: Mutex<Vec<(ObjectMaterial, Arc<PreparedModel>)>>,
 }
 
-/// A material for a whole object: a preset, changed or not. It names no files: who edits it need not be who may read them.
+/// A material for a whole object: a preset, optionally modified.
+///
+/// References no files, because whoever edits it may lack the right to read them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectMaterial {
@@ -47,7 +49,7 @@ pub struct ObjectMaterial {
 }
 
 impl ObjectMaterial {
-    /// The same for the command line and layouts.
+    /// Returns the material as the command line and layouts specify it.
     pub fn spec(&self) -> MaterialSpec {
         MaterialSpec {
             preset: self.preset.clone(),
@@ -58,8 +60,8 @@ impl ObjectMaterial {
         }
     }
 
-    /// What layouts call it; `None` where they say more of it than a session knows.
-    pub(crate) fn of_spec(spec: &MaterialSpec) -> Option<Self> {
+    /// Converts the material of a layout; `None` if it has fields that a session does not support.
+    pub(crate) fn from_spec(spec: &MaterialSpec) -> Option<Self> {
         let base_color = match &spec.base_color {
             None => None,
             Some(lightoctree::mesh::Color::Rgb(rgb)) => Some(*rgb),
@@ -70,8 +72,10 @@ impl ObjectMaterial {
         (known.spec() == *spec).then_some(known)
     }
 
+    /// Validates the material.
+    ///
     /// # Errors
-    /// Presets that there are not, numbers out of range.
+    /// If the preset is unknown or a number is out of range.
     pub fn check(&self) -> Result<(), SessionError> {
         MaterialSpec::parse(&self.spec().to_text())?;
         Ok(())
@@ -79,73 +83,73 @@ impl ObjectMaterial {
 }
 
 impl Mesh {
-    /// A model under the name that the command line knows it by.
+    /// Prepares a model. `name` identifies it on the command line.
     pub fn new(name: String, model: Model) -> Self {
         let plain = Arc::new(PreparedModel::new(model));
-        Self { name, files: Files::new(), base: Base::new(&plain), plain, ready: Mutex::default() }
+        Self { name, files: Files::new(), base: Base::new(&plain), plain, by_material: Mutex::default() }
     }
 
-    /// The same with its files, which a scene that is saved holds.
+    /// Sets the files, which are stored in saved scenes.
     pub fn with_files(self, files: Files) -> Self {
         Self { files, ..self }
     }
 
-    /// A mesh of a document, or one that the library carries.
+    /// Loads a mesh of a document, or a built-in one.
     ///
     /// # Errors
-    /// A mesh that is in neither, or that cannot be read.
-    pub fn of_document(document: &Document, name: &str) -> Result<Self, SessionError> {
+    /// If there is no such mesh, or it cannot be read.
+    pub fn from_document(document: &Document, name: &str) -> Result<Self, SessionError> {
         let own = |file: &&String| file.as_str() == name || file.strip_prefix(name).is_some_and(|r| r.starts_with('/'));
         let files = document.meshes.iter().filter(|(file, _)| own(file));
         let files = files.map(|(file, bytes)| (file.clone(), bytes.clone())).collect();
         Ok(Self::new(name.to_owned(), document.mesh(name)?).with_files(files))
     }
 
-    /// Its file and those that it names, under the names that a scene holds them by.
+    /// Returns the mesh file and the files that it references, under their names in a scene file.
     pub fn files(&self) -> &Files {
         &self.files
     }
 
-    /// One that the library carries, as `builtin:NAME`.
+    /// Loads a built-in mesh, `builtin:NAME`.
     ///
     /// # Errors
-    /// Other names.
+    /// If there is no built-in mesh of that name.
     pub fn builtin(name: &str) -> Result<Self, SessionError> {
         let unknown = || SessionError::NoMesh(name.to_owned());
         let model = name.strip_prefix(BUILTIN_PREFIX).and_then(builtin_model).ok_or_else(unknown)??;
         Ok(Self::new(name.to_owned(), model))
     }
 
-    /// What `--mesh` is followed by.
+    /// Returns the value of `--mesh` on the command line.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// As it came.
+    /// Returns the model with its own materials.
     pub fn plain(&self) -> &Arc<PreparedModel> {
         &self.plain
     }
 
-    /// What it touches a surface with.
+    /// Returns the part that touches a supporting surface.
     pub fn base(&self) -> &Base {
         &self.base
     }
 
-    /// Extent along its axes, in its own units.
+    /// Returns the extent along the axes, in the mesh's units.
     pub fn size(&self) -> Vec3 {
         self.plain.bounds().size()
     }
 
-    /// With a material, made ready once.
+    /// Returns the model with a material. Cached.
     ///
     /// # Errors
     /// Those of [`ObjectMaterial::check`].
     pub fn prepared(&self, material: Option<&ObjectMaterial>) -> Result<Arc<PreparedModel>, SessionError> {
         let Some(material) = material else { return Ok(self.plain.clone()) };
-        let mut ready = self.ready.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = ready.iter().position(|(other, _)| other == material);
+        let mut cached = self.by_material.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = cached.iter().position(|(other, _)| other == material);
         let entry = match found {
-            Some(index) => ready.remove(index),
+            Some(index) => cached.remove(index),
             None => {
                 let mut model = self.plain.model().clone();
                 model.override_material(&material.spec(), Path::new(""))?;
@@ -153,10 +157,10 @@ impl Mesh {
             }
         };
         let prepared = entry.1.clone();
-        if ready.len() >= READY {
-            ready.remove(0);
+        if cached.len() >= MAX_CACHED_MATERIALS {
+            cached.remove(0);
         }
-        ready.push(entry);
+        cached.push(entry);
         Ok(prepared)
     }
 }

@@ -3,70 +3,71 @@ use std::sync::Arc;
 use lightoctree::insert::{Align, Ground, InsertError, Layout, LayoutObject, Path, PathSource, Placement};
 use serde::{Deserialize, Serialize};
 
-use crate::keyframes::{place_of, shown_key};
+use crate::keyframes::{key_at, position_of};
 use crate::{Mesh, ObjectMaterial, SessionError};
 
 /// Longest name of an object.
 const MAX_NAME: usize = 100;
 
-/// Where an object stands, as `insert` is told.
+/// Position of an object, as on the command line of `insert`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Place {
-    /// On the surface seen at this photo position, pixel centres at +0.5.
+pub enum ObjectPosition {
+    /// Photo position on a surface; pixel centres are at +0.5.
     Pixel([f64; 2]),
-    /// World position of the middle of its base, metres.
+    /// World position of the middle of the base, metres.
     Position([f64; 3]),
 }
 
-/// How large an object is.
+/// Size of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Size {
-    /// Metres per unit of its mesh.
+pub enum ObjectSize {
+    /// Metres per unit of the mesh.
     Scale(f64),
-    /// Metres from its lowest to its highest point.
+    /// Height in metres.
     Height(f64),
 }
 
 /// One object of a [`State`](crate::State).
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// Its number, which no other object of the session has or had.
+    /// Unique id, never reused within a session.
     pub id: u32,
-    /// What the user calls it.
+    /// Name, unique among the objects.
     pub name: String,
-    /// What it is made of.
+    /// The mesh.
     pub mesh: Arc<Mesh>,
-    /// Where it stands at the time that is looked at.
-    pub place: Place,
-    /// How large it is.
-    pub size: Size,
-    /// Turn about its up at that time, counter-clockwise seen from above, degrees.
+    /// Position at the current time.
+    pub position: ObjectPosition,
+    /// The size.
+    pub size: ObjectSize,
+    /// Rotation about the up axis at the current time, degrees, counter-clockwise seen from above.
     pub yaw_deg: f64,
-    /// Its keyframes, where it moves.
+    /// Keyframes, if the object is animated.
     pub path: Option<Path>,
-    /// Which way is up for it.
+    /// What the up axis is aligned with.
     pub align: Align,
-    /// Its material, where it is not the mesh's own.
+    /// Material that replaces the mesh's own.
     pub material: Option<ObjectMaterial>,
-    /// What all that comes to in the scene.
+    /// The resulting placement in the scene.
     pub placement: Placement,
 }
 
-/// Two objects are the same where they are of the same mesh in memory.
+/// Compares meshes by identity.
 impl PartialEq for Object {
     fn eq(&self, other: &Self) -> bool {
-        let Self { id, name, mesh, place, size, yaw_deg, path, align, material, placement } = self;
+        let Self { id, name, mesh, position, size, yaw_deg, path, align, material, placement } = self;
         Arc::ptr_eq(mesh, &other.mesh)
-            && (id, name, place, size, yaw_deg) == (&other.id, &other.name, &other.place, &other.size, &other.yaw_deg)
+            && (id, name, position, size, yaw_deg)
+                == (&other.id, &other.name, &other.position, &other.size, &other.yaw_deg)
             && (path, align) == (&other.path, &other.align)
             && (material, placement) == (&other.material, &other.placement)
     }
 }
 
-impl Place {
-    /// To a hundredth of a pixel, or a tenth of a millimetre in the precision of positions: what is short on the command line, and read from it as the same.
+impl ObjectPosition {
+    /// Rounds to 0.01 pixels, or to 0.1 mm in single precision, so that the command line is short and reads back equal.
     pub(crate) fn rounded(self) -> Self {
         match self {
             Self::Pixel(pixel) => Self::Pixel(pixel.map(|x| (x * 100.0).round() / 100.0)),
@@ -76,28 +77,33 @@ impl Place {
 }
 
 impl Object {
-    /// The same, checked, with numbers that the command line can say, and the placement that they come to in a scene at a time.
+    /// Validates the object, rounds its numbers to what the command line expresses, and computes the placement at a
+    /// time.
     ///
     /// # Errors
-    /// Numbers out of range; a pixel without a surface.
+    /// If a number is out of range, or there is no surface at the pixel.
     pub fn placed<'a>(mut self, ground: impl Into<Ground<'a>>, time_s: f64) -> Result<Self, SessionError> {
         if let Some(material) = &self.material {
             material.check()?;
         }
         if !self.yaw_deg.is_finite() {
-            return Err(SessionError::Number { name: "the turn", needed: "a finite angle", found: self.yaw_deg });
+            return Err(SessionError::InvalidNumber {
+                name: "the rotation",
+                needed: "a finite angle",
+                found: self.yaw_deg,
+            });
         }
         self.name = self.name.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect();
-        self.place = self.place.rounded();
+        self.position = self.position.rounded();
         self.yaw_deg = f64::from(self.yaw_deg as f32);
         self.placement = self.placement_in(ground.into(), time_s)?;
         self.placement.check()?;
         if let Some(path) = &self.path {
-            (self.place, self.yaw_deg) = match shown_key(path, time_s) {
-                Some(key) => (place_of(key), key.yaw_deg),
+            (self.position, self.yaw_deg) = match key_at(path, time_s) {
+                Some(key) => (position_of(key), key.yaw_deg),
                 None => {
                     let position_m = self.placement.position_m.to_array().map(f64::from);
-                    (Place::Position(position_m), f64::from(self.placement.yaw_rad.to_degrees()))
+                    (ObjectPosition::Position(position_m), f64::from(self.placement.yaw_rad.to_degrees()))
                 }
             };
         }
@@ -112,20 +118,20 @@ impl Object {
                 error => error,
             })?;
         let first = placements.into_iter().flatten().next();
-        first.ok_or_else(|| InsertError::Layout("it has no place".into()))
+        first.ok_or_else(|| InsertError::Layout("the object has no position".into()))
     }
 
-    /// As `insert --layout` reads it.
+    /// Returns the object as `insert --layout` reads it.
     pub fn to_layout(&self) -> LayoutObject {
         let path = self.path.clone().map(PathSource::Keyframes);
-        let (pixel, position_m) = match self.place {
+        let (pixel, position_m) = match self.position {
             _ if path.is_some() => (None, None),
-            Place::Pixel(pixel) => (Some(pixel), None),
-            Place::Position(position_m) => (None, Some(position_m)),
+            ObjectPosition::Pixel(pixel) => (Some(pixel), None),
+            ObjectPosition::Position(position_m) => (None, Some(position_m)),
         };
         let (scale, height_m) = match self.size {
-            Size::Scale(scale) => (Some(scale), None),
-            Size::Height(height_m) => (None, Some(height_m)),
+            ObjectSize::Scale(scale) => (Some(scale), None),
+            ObjectSize::Height(height_m) => (None, Some(height_m)),
         };
         LayoutObject {
             mesh: self.mesh.name().into(),

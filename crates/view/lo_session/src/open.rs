@@ -7,62 +7,62 @@ use lightoctree::scene::Room;
 use lightoctree::{Document, Estimate, FittedLight};
 use serde::Serialize;
 
-/// A scene, made ready for a session.
+/// A scene prepared for a session.
 pub struct OpenScene {
-    /// What the command line calls its file.
+    /// Path of the scene file on the command line.
     pub file: String,
-    /// As it was read or estimated.
+    /// The document as read or estimated.
     pub document: Document,
-    /// To be lit.
+    /// The fitted light, from which lit scenes are made.
     pub fitted: FittedLight,
-    /// The surfaces that the photo sees.
+    /// Surfaces that the photo shows.
     pub surfaces: ObservedSurfaces,
-    /// Depth of the farthest of them, metres.
-    pub far_m: f32,
+    /// Largest depth of these surfaces, metres.
+    pub max_depth_m: f32,
 }
 
-/// About where a room is.
+/// Approximate extent of a room.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RoomExtent {
-    /// Its middle, metres in the photo's frame.
+    /// Centre, metres in the photo's frame.
     pub middle_m: [f32; 3],
-    /// From there to its farthest corner, metres.
+    /// Distance from the centre to the farthest corner, metres.
     pub radius_m: f32,
-    /// Height of its floor over the camera, metres: below 0. Where no floor is known, of the lowest that the photo saw.
+    /// Height of the floor relative to the camera, metres, negative. Without a known floor, the lowest observed height.
     pub floor_m: f32,
 }
 
 impl OpenScene {
-    /// Makes a scene ready; takes some tenths of a second, most of it for the lamps.
+    /// Prepares a scene. Takes some tenths of a second, mostly for fitting lamps.
     pub fn new(file: impl Into<String>, document: impl Into<Document>) -> Self {
         let document = document.into();
         let fitted = FittedLight::new(document.estimate.clone());
         let surfaces = ObservedSurfaces::new(&document.estimate);
-        let far_m = surfaces.depth_m().pixels().iter().fold(0.0f32, |far, &z| far.max(z));
-        Self { file: file.into(), fitted, surfaces, far_m, document }
+        let max_depth_m = surfaces.depth_m().pixels().iter().fold(0.0f32, |far, &z| far.max(z));
+        Self { file: file.into(), fitted, surfaces, max_depth_m, document }
     }
 
-    /// What was inferred of the room.
+    /// Returns the estimate.
     pub fn estimate(&self) -> &Estimate {
         &self.document.estimate
     }
 
-    /// Its lights, without changes.
+    /// Returns the scene's lights before edits.
     pub fn lights(&self) -> &[ListedLight] {
         self.fitted.listed()
     }
 
-    /// What objects stand on.
+    /// Returns the ground that supports objects.
     pub fn ground(&self) -> Ground<'_> {
         Ground::new(self.estimate(), &self.surfaces)
     }
 
-    /// Unit vector against gravity.
+    /// Returns the unit vector against gravity.
     pub fn up(&self) -> Vec3 {
         self.estimate().up()
     }
 
-    /// About where the room is: of what the photo saw and its camera, without the two hundredths that lie farthest out on each side.
+    /// Computes the extent of the observed leaves and the camera, without the outermost 2 % on each side.
     pub fn extent(&self) -> RoomExtent {
         let light = &self.estimate().light;
         let up = self.up();
@@ -91,7 +91,7 @@ impl OpenScene {
         }
     }
 
-    /// The file's name without folders, for what is taken away.
+    /// Returns the file name without folders.
     pub fn file_name(&self) -> String {
         Path::new(&self.file).file_name().map_or_else(|| self.file.clone(), |name| name.to_string_lossy().into_owned())
     }

@@ -1,4 +1,4 @@
-//! What a session's user takes away, as files in memory.
+//! Downloadable files of a session, made in memory.
 
 use lightoctree::SceneRenderer;
 use lightoctree::export::{self, Content, Format, LightProbe};
@@ -6,59 +6,60 @@ use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, ExrOptions};
 use lightoctree::insert::Composite;
 
-use crate::lit::LitScenes;
+use crate::lit::LitSceneCache;
 use crate::{OpenScene, SessionError, State};
 
-/// Width of the panorama that an export holds, as `lightoctree export` makes it.
+/// Width of an export's panorama, as in `lightoctree export`.
 const PROBE_WIDTH: usize = 1024;
 
-/// What `lightoctree insert -o picture.png` writes.
+/// Encodes what `lightoctree insert -o picture.png` writes.
 ///
 /// # Errors
-/// None that a picture of a scene could cause.
-pub fn picture(composite: &Composite) -> Result<Vec<u8>, SessionError> {
+/// Never for a composite of a session.
+pub fn image(composite: &Composite) -> Result<Vec<u8>, SessionError> {
     Ok(imaging::encode_photo("picture.png", &composite.image, "lightoctree insert")?)
 }
 
-/// What `lightoctree insert --layers layers.exr` writes.
+/// Encodes what `lightoctree insert --layers layers.exr` writes.
 ///
 /// # Errors
-/// None that a picture of a scene could cause.
+/// Never for a composite of a session.
 pub fn layers(composite: &Composite) -> Result<Vec<u8>, SessionError> {
     let size = (composite.alpha.width(), composite.alpha.height());
     let options = ExrOptions { generator: "lightoctree insert".to_owned(), ..ExrOptions::default() };
     Ok(imaging::encode_exr("layers.exr", size, &composite.channels(), &options)?)
 }
 
-/// The scene's file with the state's objects and edits of the light.
+/// Encodes the scene file with the state's objects and light edits.
 ///
 /// # Errors
-/// Numbers that are not finite, or more files than a scene holds.
-pub fn scene(open: &OpenScene, state: &State) -> Result<Vec<u8>, SessionError> {
-    Ok(state.to_document(&open.document)?.to_bytes("lightoctree estimate")?)
+/// If a number is not finite, or there are more files than a scene holds.
+pub fn scene(scene: &OpenScene, state: &State) -> Result<Vec<u8>, SessionError> {
+    Ok(state.to_document(&scene.document)?.to_bytes("lightoctree estimate")?)
 }
 
-/// What `lightoctree insert --layout` reads.
+/// Encodes the layout that `lightoctree insert --layout` reads.
 ///
 /// # Errors
-/// Without objects.
+/// If there are no objects.
 pub fn layout(state: &State) -> Result<Vec<u8>, SessionError> {
     let mut text = serde_json::to_vec_pretty(&state.layout()?)?;
     text.push(b'\n');
     Ok(text)
 }
 
-/// The room for other programs, with the light at a place, as `lightoctree export` writes it: names and contents of the files, the scene first.
+/// Exports the room with the light at a point, as `lightoctree export` does. Returns names and contents of the files,
+/// the scene first.
 ///
 /// # Errors
-/// Where the scene has nothing to show, or there is no place for temporary files.
+/// If the scene has nothing to export, or temporary files cannot be written.
 pub fn export(
-    scenes: &LitScenes,
+    scenes: &LitSceneCache,
     state: &State,
     format: Format,
     probe_at: Option<Vec3>,
 ) -> Result<Vec<(String, Vec<u8>)>, SessionError> {
-    let lit = scenes.of(state)?;
+    let lit = scenes.lit(state)?;
     let panorama = probe_at.map(|at| (at, SceneRenderer::new(&lit).panorama(at, PROBE_WIDTH, PROBE_WIDTH / 2)));
     let probes: Vec<LightProbe> =
         panorama.iter().map(|(at, seen)| LightProbe { radiance: &seen.radiance, position_m: *at }).collect();

@@ -9,44 +9,44 @@ use lightoctree::octree::{LeafNode, Octree};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::lit::LitScenes;
+use crate::lit::LitSceneCache;
 use crate::overlay::{DepthRange, level_color, normal_color, origin_color, origin_of_leaf};
-use crate::visible::visible;
+use crate::visibility::visible_faces;
 use crate::{Overlay, SessionError, State};
 
-/// Largest picture, pixels.
+/// Maximum image size, pixels.
 const MAX_SIZE: [u32; 2] = [1920, 1440];
 
-/// Farthest places of a viewer, metres.
-const MAX_PLACE_M: f32 = 1000.0;
+/// Maximum coordinate of eye and target, metres.
+const MAX_COORDINATE_M: f32 = 1000.0;
 
-/// Vertical fields of view.
+/// Accepted vertical fields of view, degrees.
 const FOVS_DEG: std::ops::RangeInclusive<f32> = 5.0..=120.0;
 
-/// Most stops by which a picture is brightened or darkened.
+/// Maximum exposure in either direction, stops.
 const MAX_EXPOSURE_EV: f32 = 20.0;
 
-/// What is shown where there is nothing: the grey around the page's pictures.
-const GROUND: [u8; 3] = [48; 3];
+/// Background colour, equal to the page's.
+const BACKGROUND: [u8; 3] = [48; 3];
 
-/// Of flat colours, how bright faces across each axis of the octree are: so that corners show.
+/// Brightness of flat-coloured faces by axis, so that corners are visible.
 const FLAT_SHADES: [f32; 3] = [0.84, 1.0, 0.7];
 
-/// Radiance of a white surface of an object that faces the viewer, and how much of that is left of one that faces away.
+/// Radiance of an object's white surface facing the viewer, and the share of it at grazing angles.
 const OBJECT_WHITE: f32 = 0.7;
 const OBJECT_AMBIENT: f32 = 0.3;
 
-/// A view of the room from wherever the viewer is.
+/// A view of the room from any viewpoint.
 ///
-/// The camera is a pinhole with square pixels at `eye_m`: its axis goes through `target_m` and the middle of the picture, and against gravity is up. In
-/// its frame (x = ahead × up, y = up, z = −ahead) a point is seen where [`Camera::project`] says, with a focal length of
-/// `height / (2 tan(fov / 2))` pixels.
+/// The camera is a pinhole with square pixels at `eye_m`. Its axis passes through `target_m` and the image centre; up
+/// is against gravity. In its frame (x = ahead × up, y = up, z = −ahead) [`Camera::project`] applies, with a focal
+/// length of `height / (2 tan(fov / 2))` pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutsideView {
-    /// Where the viewer is, metres in the photo's frame.
+    /// Viewpoint, metres in the photo's frame.
     pub eye_m: [f32; 3],
-    /// Where the viewer looks.
+    /// Point at the image centre, metres in the photo's frame.
     pub target_m: [f32; 3],
     /// Vertical field of view, degrees, 5 to 120.
     pub fov_deg: f32,
@@ -54,27 +54,29 @@ pub struct OutsideView {
     pub width: u32,
     /// Height, pixels, at most 1440.
     pub height: u32,
-    /// Stops by which radiance is brightened, within ± 20.
+    /// Exposure, stops, −20 to 20.
     pub exposure_ev: f32,
-    /// What colours mean; radiance where it is none.
+    /// Overlay to show instead of radiance.
     pub show: Option<Overlay>,
-    /// Whether nothing moves: four rays a pixel instead of one.
+    /// Whether the view is at rest: four rays per pixel instead of one.
     pub still: bool,
 }
 
 impl OutsideView {
+    /// Validates the view.
+    ///
     /// # Errors
-    /// Numbers out of range; a viewer that looks along gravity, or nowhere.
+    /// If a number is out of range, the direction is vertical, or eye and target coincide.
     pub fn check(&self, up: Vec3) -> Result<(), SessionError> {
         self.camera(up).map(|_| ())
     }
 
-    /// The camera at the origin, and what turns its frame to the world's.
+    /// Returns the camera at the origin and the rotation from its frame to the world.
     fn camera(&self, up: Vec3) -> Result<(Camera, Mat3), SessionError> {
-        let range = |is_good: bool, what| if is_good { Ok(()) } else { Err(SessionError::Range(what)) };
-        let near = |place: Vec3| place.is_finite() && place.abs().max_element() <= MAX_PLACE_M;
+        let range = |is_good: bool, what| if is_good { Ok(()) } else { Err(SessionError::OutOfRange(what)) };
+        let near = |point: Vec3| point.is_finite() && point.abs().max_element() <= MAX_COORDINATE_M;
         let (eye_m, target_m) = (Vec3::from(self.eye_m), Vec3::from(self.target_m));
-        range(near(eye_m) && near(target_m), "the view's place")?;
+        range(near(eye_m) && near(target_m), "the view's position")?;
         range(FOVS_DEG.contains(&self.fov_deg), "the view's field of view")?;
         let [width, height] = [self.width, self.height];
         let fits = (1..=MAX_SIZE[0]).contains(&width) && (1..=MAX_SIZE[1]).contains(&height);
@@ -86,49 +88,49 @@ impl OutsideView {
         let right = right.normalize();
         let focal = 0.5 * f64::from(height) / (0.5 * f64::from(self.fov_deg).to_radians()).tan();
         let camera = Camera::new(focal, focal, 0.5 * f64::from(width), 0.5 * f64::from(height), width, height);
-        let camera = camera.map_err(|_| SessionError::Range("the view's field of view"))?;
+        let camera = camera.map_err(|_| SessionError::OutOfRange("the view's field of view"))?;
         Ok((camera, Mat3::from_cols(right, right.cross(ahead), -ahead)))
     }
 }
 
-/// Draws the rooms of one scene's states from outside: the leaves of the octree with their radiance, one ray a pixel, and the objects.
+/// Renders a scene's room from outside: the octree's leaves with their radiance, and the objects.
 ///
-/// Walls are seen from the room's side alone, and of that side what somebody in the room sees: one looks into the room as into a doll's house. Objects have the base colour of their material under a
-/// light at the viewer, whatever lights the room: how the room lights them, the photo shows.
-pub struct Outside {
-    scenes: Arc<LitScenes>,
-    room: Option<Room>,
+/// Walls are single-sided and reduced to what is visible from inside, so the view opens into the room like a doll's
+/// house. Objects show their base colour under a light at the viewer, independent of the room's light.
+pub struct OutsideRenderer {
+    scenes: Arc<LitSceneCache>,
+    room: Option<RoomMesh>,
 }
 
-/// The faces of one octree, which edits of the light leave as they are.
-struct Room {
+/// Visible faces of an octree. Independent of light edits.
+struct RoomMesh {
     octree: Octree,
     faces: PreparedModel,
     leaves: Vec<LeafNode>,
     depth_range_m: DepthRange,
 }
 
-impl Outside {
-    /// For one scene.
-    pub fn new(scenes: Arc<LitScenes>) -> Self {
+impl OutsideRenderer {
+    /// Creates a renderer for one scene.
+    pub fn new(scenes: Arc<LitSceneCache>) -> Self {
         Self { scenes, room: None }
     }
 
-    /// A picture of the room with a state's objects and light; `None` where `is_passed` says on the way that nobody wants it any more.
+    /// Renders the room with a state's objects and light. Returns `None` if `is_superseded` returns `true` on the way.
     ///
     /// # Errors
-    /// Those of [`OutsideView::check`]; edits that do not fit the scene.
-    pub fn picture(
+    /// Those of [`OutsideView::check`] and [`LitSceneCache::lit`].
+    pub fn render(
         &mut self,
         state: &State,
         view: &OutsideView,
-        is_passed: &(dyn Fn() -> bool + Sync),
+        is_superseded: &(dyn Fn() -> bool + Sync),
     ) -> Result<Option<Image<[u8; 3]>>, SessionError> {
-        let (camera, world_from_camera) = view.camera(self.scenes.open().up())?;
-        let scene = if view.still { self.scenes.of(state)? } else { self.scenes.draft_of(state)? };
+        let (camera, world_from_camera) = view.camera(self.scenes.scene().up())?;
+        let scene = if view.still { self.scenes.lit(state)? } else { self.scenes.lit_draft(state)? };
         let room = match self.room.take() {
             Some(room) if room.octree == scene.light.octree => room,
-            _ => Room::of(&scene, DepthRange::of(self.scenes.open().surfaces.depth_m())),
+            _ => RoomMesh::of(&scene, DepthRange::of(self.scenes.scene().surfaces.depth_m())),
         };
         let room = self.room.insert(room);
         let models = state.objects.iter().map(|object| object.mesh.prepared(object.material.as_ref()));
@@ -139,9 +141,9 @@ impl Outside {
         };
         let objects: Vec<PlacedModel> = models.iter().map(|model| &**model).zip(&state.objects).map(placed).collect();
         let eye_m = Vec3::from(view.eye_m);
-        let seen = Seen { scene: &scene, room, objects: &objects, view, pitch: camera.pixel_angle_rad() };
+        let caster = RayCaster { scene: &scene, room, objects: &objects, view, pitch: camera.pixel_angle_rad() };
         let color = |u: f64, v: f64| {
-            seen.color(&Ray { origin: eye_m, direction: (world_from_camera * camera.direction(u, v)).normalize() })
+            caster.color(&Ray { origin: eye_m, direction: (world_from_camera * camera.direction(u, v)).normalize() })
         };
         let (width, height) = (view.width as usize, view.height as usize);
         let row = |y: usize| {
@@ -149,26 +151,26 @@ impl Outside {
                 let at = |[du, dv]: [f64; 2]| color(x as f64 + du, y as f64 + dv);
                 if view.still { mean(ROTATED_GRID.map(at)) } else { at([0.5; 2]) }
             };
-            (!is_passed()).then(|| (0..width).map(pixel).collect::<Vec<_>>())
+            (!is_superseded()).then(|| (0..width).map(pixel).collect::<Vec<_>>())
         };
         let rows: Option<Vec<Vec<[u8; 3]>>> = (0..height).into_par_iter().map(row).collect();
         Ok(rows.map(|rows| Image::new(width, height, rows.concat())))
     }
 }
 
-/// Places in a pixel, no two in one row or column.
+/// Sample positions in a pixel, no two in one row or column.
 const ROTATED_GRID: [[f64; 2]; 4] = [[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]];
 
-/// The mean of codes: of colours as a screen shows them, so that edges against white are smooth, too.
+/// Averages sRGB codes instead of radiance, so that edges against clipped white stay smooth.
 fn mean(colors: [[u8; 3]; 4]) -> [u8; 3] {
     std::array::from_fn(|c| (colors.iter().map(|color| u32::from(color[c])).sum::<u32>() as f32 / 4.0).round() as u8)
 }
 
-impl Room {
+impl RoomMesh {
     fn of(scene: &LitScene, depth_range_m: DepthRange) -> Self {
         let all = RoomFaces::of(&scene.light);
         let faces = single_sided(&all.positions_m, &all.quads);
-        let is_visible = visible(&faces, &all.quads, &scene.frame.camera);
+        let is_visible = visible_faces(&faces, &all.quads, &scene.frame.camera);
         let kept = || is_visible.iter().enumerate().filter(|(_, is_visible)| **is_visible).map(|(face, _)| face);
         let quads: Vec<[u32; 4]> = kept().map(|face| all.quads[face]).collect();
         let leaves = kept().map(|face| all.leaves[face]).collect();
@@ -177,7 +179,7 @@ impl Room {
     }
 }
 
-/// Two triangles for each quad, one after the other, seen from one side.
+/// Builds a single-sided model with two consecutive triangles per quad.
 pub(crate) fn single_sided(positions_m: &[Vec3], quads: &[[u32; 4]]) -> PreparedModel {
     let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     PreparedModel::new(Model {
@@ -189,20 +191,21 @@ pub(crate) fn single_sided(positions_m: &[Vec3], quads: &[[u32; 4]]) -> Prepared
     })
 }
 
-/// What rays are sent into.
-struct Seen<'a> {
+/// Everything that a ray can hit.
+struct RayCaster<'a> {
     scene: &'a LitScene,
-    room: &'a Room,
+    room: &'a RoomMesh,
     objects: &'a [PlacedModel<'a>],
     view: &'a OutsideView,
-    /// Metres between the rays of neighbouring pixels at one metre.
+    /// Distance between the rays of neighbouring pixels at one metre, metres.
     pitch: f32,
 }
 
-impl Seen<'_> {
+impl RayCaster<'_> {
     fn color(&self, ray: &Ray) -> [u8; 3] {
         let face = self.room.faces.intersect(ray, f32::INFINITY);
-        // An object stands on the surface that a leaf is of, somewhere in the leaf: not below it.
+        // The surface lies anywhere within its leaf, so an object counts as hidden only behind the far side of the
+        // leaf.
         let depth = |hit: Hit| self.room.leaves[hit.triangle as usize / 2].depth;
         let leaf_end_m = |hit: Hit| hit.distance_m + self.scene.light.cube.node_edge_m(depth(hit));
         let mut nearest_m = face.map_or(f32::INFINITY, leaf_end_m);
@@ -237,12 +240,12 @@ impl Seen<'_> {
                     Some(Overlay::Normals) => normal_color(self.normal(hit.triangle)),
                     Some(Overlay::Depth) => self.depth_color(ray, hit.distance_m),
                     Some(Overlay::Levels) => self.flat(level_color(depth), hit.triangle),
-                    Some(Overlay::Origins) => {
+                    Some(Overlay::Provenance) => {
                         self.flat(origin_color(origin_of_leaf(self.scene, depth, row)), hit.triangle)
                     }
                 }
             }
-            (None, None) => GROUND,
+            (None, None) => BACKGROUND,
         }
     }
 

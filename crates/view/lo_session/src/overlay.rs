@@ -1,4 +1,4 @@
-//! What is known of the room, as pictures over the photo.
+//! Overlays on the photo: depth, normals, octree levels and provenance.
 
 use lightoctree::Estimate;
 use lightoctree::cone::{ConeTracer, Settings};
@@ -8,71 +8,72 @@ use serde::{Deserialize, Serialize};
 
 use crate::{OpenScene, SessionError};
 
-/// Longer side of overlays, pixels.
+/// Longer side of an overlay, pixels.
 const SIDE: f64 = 640.0;
 
-/// What is shown over the photo.
+/// An overlay on the photo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Overlay {
-    /// Depth, red near and blue far.
+    /// Depth, from red (near) to blue (far).
     Depth,
-    /// Normals of the surfaces: x, y and z as red, green and blue.
+    /// Surface normals: x, y and z as red, green and blue.
     Normals,
-    /// Depth in the octree of the leaves that are seen.
+    /// Octree depth of the visible leaves.
     Levels,
-    /// Who says what is there.
-    Origins,
+    /// Where the radiance comes from: photo, panorama or inference.
+    #[serde(rename = "origins")]
+    Provenance,
 }
 
-/// An overlay with what its colours mean.
+/// An overlay with its legend.
 #[derive(Clone, Debug)]
-pub struct OverlayPicture {
-    /// sRGB with straight alpha, of the photo's field of view; transparent where nothing is known.
+pub struct OverlayImage {
+    /// sRGB with straight alpha, in the photo's view; transparent where nothing is known.
     pub image: Image<[u8; 4]>,
-    /// Colours and their meaning.
+    /// Colours and their meanings.
     pub legend: Vec<([u8; 3], String)>,
 }
 
-/// Who says what is at a place.
+/// Source of the radiance at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Origin {
+pub(crate) enum RadianceOrigin {
     Photo,
     Panorama,
-    Guess,
+    Inferred,
     Nothing,
 }
 
-/// Colours of octree depths from 4 on; they differ in lightness, too.
+/// Colours of octree depths from [`FIRST_LEVEL`] on, distinct in lightness, too.
 const LEVEL_COLORS: [[u8; 3]; 6] =
     [[68, 1, 84], [65, 68, 135], [42, 120, 142], [34, 168, 132], [122, 209, 81], [253, 231, 37]];
 
-/// Depth of the octree that the first of them stands for.
+/// Octree depth of the first colour.
 const FIRST_LEVEL: u32 = 4;
 
-/// Makes an overlay of a scene.
+/// Renders an overlay of a scene.
 ///
 /// # Errors
-/// Light that cannot be traced.
-pub fn overlay(open: &OpenScene, what: Overlay) -> Result<OverlayPicture, SessionError> {
+/// If the light cannot be traced.
+pub fn overlay(scene: &OpenScene, what: Overlay) -> Result<OverlayImage, SessionError> {
     Ok(match what {
-        Overlay::Depth => depth(open.surfaces.depth_m()),
-        Overlay::Normals => normals(open.surfaces.normals()),
-        Overlay::Levels => levels(open.estimate())?,
-        Overlay::Origins => origins(open.estimate())?,
+        Overlay::Depth => depth(scene.surfaces.depth_m()),
+        Overlay::Normals => normals(scene.surfaces.normals()),
+        Overlay::Levels => levels(scene.estimate())?,
+        Overlay::Provenance => origins(scene.estimate())?,
     })
 }
 
-fn depth(depth_m: &DepthMap) -> OverlayPicture {
+fn depth(depth_m: &DepthMap) -> OverlayImage {
     let range_m = DepthRange::of(depth_m);
     let image = depth_m.map(|&z| if z > 0.0 { opaque(range_m.color(z)) } else { [0; 4] });
     let DepthRange { near, far } = range_m;
     let steps = [0.0, 0.25, 0.5, 0.75, 1.0].map(|share| near + share * (far - near));
     let legend = if far > 0.0 { steps.map(|z| (range_m.color(z), format!("{z:.2} m"))).to_vec() } else { Vec::new() };
-    OverlayPicture { image, legend }
+    OverlayImage { image, legend }
 }
 
-/// The depths that a photo's readings have, metres.
+/// Range of a photo's depth readings, metres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DepthRange {
     near: f32,
@@ -86,81 +87,85 @@ impl DepthRange {
         Self { near, far }
     }
 
-    /// Red near and blue far.
+    /// Maps a depth to a colour, from red (near) to blue (far).
     pub fn color(&self, z: f32) -> [u8; 3] {
         let share = if self.far > self.near { (z - self.near) / (self.far - self.near) } else { 0.0 };
         turbo(1.0 - share)
     }
 }
 
-fn normals(normals: &Image<Vec3>) -> OverlayPicture {
+fn normals(normals: &Image<Vec3>) -> OverlayImage {
     let image = normals.map(|&n| if n == Vec3::ZERO { [0; 4] } else { opaque(normal_color(n)) });
-    let sides = [(Vec3::X, "to the right"), (Vec3::Y, "up in the picture"), (Vec3::Z, "towards the camera")];
-    OverlayPicture { image, legend: sides.map(|(n, text)| (normal_color(n), text.to_owned())).to_vec() }
+    let sides = [(Vec3::X, "to the right"), (Vec3::Y, "up in the image"), (Vec3::Z, "towards the camera")];
+    OverlayImage { image, legend: sides.map(|(n, text)| (normal_color(n), text.to_owned())).to_vec() }
 }
 
-/// x, y and z of a unit vector as red, green and blue.
+/// Maps x, y and z of a unit vector to red, green and blue.
 pub(crate) fn normal_color(normal: Vec3) -> [u8; 3] {
     normal.to_array().map(|c| (127.5 + 127.5 * c) as u8)
 }
 
-/// Of leaves of this depth in the octree.
+/// Returns the colour of an octree depth.
 pub(crate) fn level_color(depth: u32) -> [u8; 3] {
     LEVEL_COLORS[(depth.saturating_sub(FIRST_LEVEL) as usize).min(LEVEL_COLORS.len() - 1)]
 }
 
-fn levels(estimate: &Estimate) -> Result<OverlayPicture, SessionError> {
+fn levels(estimate: &Estimate) -> Result<OverlayImage, SessionError> {
     let depth = estimate.light.octree.depth();
-    let image = through(estimate, |direction, distance_m| {
+    let image = render_hits(estimate, |direction, distance_m| {
         leaf(estimate, Vec3::ZERO, direction, distance_m).map(|(depth, _)| level_color(depth))
     })?;
     let text = |depth: u32| format!("depth {depth}, {:.1} cm", 100.0 * estimate.light.cube.node_edge_m(depth));
     let legend = (FIRST_LEVEL.min(depth)..=depth).map(|depth| (level_color(depth), text(depth))).collect();
-    Ok(OverlayPicture { image, legend })
+    Ok(OverlayImage { image, legend })
 }
 
-fn origins(estimate: &Estimate) -> Result<OverlayPicture, SessionError> {
+fn origins(estimate: &Estimate) -> Result<OverlayImage, SessionError> {
     let image =
-        through(estimate, |direction, distance_m| match origin_of(estimate, Vec3::ZERO, direction, distance_m) {
-            Origin::Nothing => None,
+        render_hits(estimate, |direction, distance_m| match origin_of(estimate, Vec3::ZERO, direction, distance_m) {
+            RadianceOrigin::Nothing => None,
             origin => Some(origin_color(origin)),
         })?;
-    let all =
-        [(Origin::Photo, "the photo shows it"), (Origin::Panorama, "a panorama gave it"), (Origin::Guess, "guessed")];
-    let shown = all.into_iter().filter(|(origin, _)| *origin != Origin::Panorama || estimate.panorama.is_some());
-    Ok(OverlayPicture { image, legend: shown.map(|(origin, text)| (origin_color(origin), text.to_owned())).collect() })
+    let all = [
+        (RadianceOrigin::Photo, "observed in the photo"),
+        (RadianceOrigin::Panorama, "from the panorama"),
+        (RadianceOrigin::Inferred, "inferred"),
+    ];
+    let shown =
+        all.into_iter().filter(|(origin, _)| *origin != RadianceOrigin::Panorama || estimate.panorama.is_some());
+    Ok(OverlayImage { image, legend: shown.map(|(origin, text)| (origin_color(origin), text.to_owned())).collect() })
 }
 
-pub(crate) fn origin_color(origin: Origin) -> [u8; 3] {
+pub(crate) fn origin_color(origin: RadianceOrigin) -> [u8; 3] {
     match origin {
-        Origin::Photo => [86, 180, 233],
-        Origin::Panorama => [0, 158, 115],
-        Origin::Guess => [230, 159, 0],
-        Origin::Nothing => [0; 3],
+        RadianceOrigin::Photo => [86, 180, 233],
+        RadianceOrigin::Panorama => [0, 158, 115],
+        RadianceOrigin::Inferred => [230, 159, 0],
+        RadianceOrigin::Nothing => [0; 3],
     }
 }
 
-/// Who says what lies at a distance along a direction.
-pub(crate) fn origin_of(estimate: &Estimate, from: Vec3, direction: Vec3, distance_m: f32) -> Origin {
+/// Returns the source of the radiance at a distance along a direction.
+pub(crate) fn origin_of(estimate: &Estimate, from: Vec3, direction: Vec3, distance_m: f32) -> RadianceOrigin {
     leaf(estimate, from, direction, distance_m)
-        .map_or(Origin::Nothing, |(depth, row)| origin_of_leaf(estimate, depth, row))
+        .map_or(RadianceOrigin::Nothing, |(depth, row)| origin_of_leaf(estimate, depth, row))
 }
 
-/// Who says what the leaf of this depth and row is.
-pub(crate) fn origin_of_leaf(estimate: &Estimate, depth: u32, row: usize) -> Origin {
+/// Returns the source of a leaf's radiance.
+pub(crate) fn origin_of_leaf(estimate: &Estimate, depth: u32, row: usize) -> RadianceOrigin {
     let share = |shares: &[Vec<u8>]| shares[depth as usize][row];
     if share(&estimate.light.seen) >= 128 {
-        Origin::Photo
+        RadianceOrigin::Photo
     } else if estimate.panorama.as_ref().is_some_and(|laid| share(&laid.share) >= 128) {
-        Origin::Panorama
+        RadianceOrigin::Panorama
     } else {
-        Origin::Guess
+        RadianceOrigin::Inferred
     }
 }
 
-/// Depth and row of the leaf that a ray meets at about a distance.
+/// Finds depth and row of the leaf that a ray hits at about a distance.
 fn leaf(estimate: &Estimate, from: Vec3, direction: Vec3, distance_m: f32) -> Option<(u32, usize)> {
-    /// The distance is a mean over a cone: the leaf may begin this many of the finest leaves before or behind it.
+    /// The distance is a mean over a cone, so the leaf may be off by these multiples of the finest leaf edge.
     const STEPS: [f32; 6] = [0.0, 0.5, -0.5, 1.0, 1.5, 2.0];
     if !distance_m.is_finite() {
         return None;
@@ -175,8 +180,11 @@ fn leaf(estimate: &Estimate, from: Vec3, direction: Vec3, distance_m: f32) -> Op
     })
 }
 
-/// A picture of what the camera sees in the octree.
-fn through(estimate: &Estimate, color: impl Fn(Vec3, f32) -> Option<[u8; 3]>) -> Result<Image<[u8; 4]>, SessionError> {
+/// Renders an overlay by colouring the camera's hits in the octree.
+fn render_hits(
+    estimate: &Estimate,
+    color: impl Fn(Vec3, f32) -> Option<[u8; 3]>,
+) -> Result<Image<[u8; 4]>, SessionError> {
     let camera = estimate.frame.camera;
     let scale = (SIDE / f64::from(camera.width.max(camera.height))).min(1.0);
     let scaled = |side: u32| ((f64::from(side) * scale).round() as u32).max(1);
@@ -193,7 +201,7 @@ fn opaque([r, g, b]: [u8; 3]) -> [u8; 4] {
     [r, g, b, 255]
 }
 
-/// The colour map Turbo (Anton Mikhailov, 2019), by its published polynomials; 0 blue … 1 red.
+/// Evaluates the Turbo colour map (Anton Mikhailov, 2019) by its published polynomials; 0 blue … 1 red.
 fn turbo(share: f32) -> [u8; 3] {
     const COEFFICIENTS: [[f32; 6]; 3] = [
         [0.135_721_38, 4.615_392_6, -42.660_32, 132.131_08, -152.942_4, 59.286_38],

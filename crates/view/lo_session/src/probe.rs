@@ -6,79 +6,80 @@ use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Image, RadianceI
 use lightoctree::{LitScene, SceneRenderer};
 use rayon::prelude::*;
 
-use crate::lit::LitScenes;
+use crate::lit::LitSceneCache;
 use crate::overlay::{origin_color, origin_of};
 use crate::renderer::at_side;
 use crate::{OpenScene, RESTING_SIDE, SessionError, State};
 
-/// The light at places of one scene.
+/// Renders the light at points of one scene.
 pub struct Probe {
-    scenes: Arc<LitScenes>,
-    ready: Option<(Arc<LitScene>, SceneRenderer)>,
+    scenes: Arc<LitSceneCache>,
+    cached: Option<(Arc<LitScene>, SceneRenderer)>,
 }
 
-/// What a probe shows, for a screen.
-pub struct ProbePictures {
-    /// The panorama, equirectangular, in the photo's orientation: its middle looks along the camera's axis.
+/// Images of a probe for display.
+pub struct ProbeImages {
+    /// Equirectangular panorama in the photo's orientation: the centre is the camera's axis.
     pub panorama: Image<[u8; 3]>,
-    /// A mirror ball at the place as the camera would see it, from far away; black around.
+    /// Mirror ball as seen from the camera's direction, orthographic; black background.
     pub ball: Image<[u8; 3]>,
-    /// Who says what each pixel of the panorama shows.
-    pub origins: Image<[u8; 3]>,
+    /// Provenance of each pixel of the panorama, by colour.
+    pub provenance: Image<[u8; 3]>,
 }
 
-/// A place off the surface that is seen at a pixel; `None` where there is no surface.
-pub fn probe_place(open: &OpenScene, [u, v]: [f64; 2], lift_m: f32) -> Option<Vec3> {
+/// Returns the point at a distance above the surface seen at a pixel; `None` if there is no surface.
+pub fn probe_position(open: &OpenScene, [u, v]: [f64; 2], lift_m: f32) -> Option<Vec3> {
     let (position_m, normal) = open.surfaces.at_pixel(u, v)?;
     Some(position_m + normal * lift_m)
 }
 
 impl Probe {
-    /// For one scene.
-    pub fn new(scenes: Arc<LitScenes>) -> Self {
-        Self { scenes, ready: None }
+    /// Creates a probe for one scene.
+    pub fn new(scenes: Arc<LitSceneCache>) -> Self {
+        Self { scenes, cached: None }
     }
 
-    fn viewers(&mut self, state: &State) -> Result<&(Arc<LitScene>, SceneRenderer), SessionError> {
-        let lit = self.scenes.of(state)?;
-        let ready = match self.ready.take() {
-            Some(ready) if Arc::ptr_eq(&ready.0, &lit) => ready,
-            // A photo of this size is sharper than any panorama that is shown.
+    fn renderer(&mut self, state: &State) -> Result<&(Arc<LitScene>, SceneRenderer), SessionError> {
+        let lit = self.scenes.lit(state)?;
+        let cached = match self.cached.take() {
+            Some(cached) if Arc::ptr_eq(&cached.0, &lit) => cached,
+            // A photo of this size is sharper than any displayed panorama.
             _ => (lit.clone(), SceneRenderer::new(&at_side(&lit, RESTING_SIDE))),
         };
-        Ok(self.ready.insert(ready))
+        Ok(self.cached.insert(cached))
     }
 
-    /// Pictures of the light at a place, `2 × height` pixels wide; radiance times 2^`exposure_ev`, clipped at white.
+    /// Renders the light at a point: a panorama of `2 × height` by `height` pixels and a ball of `height` pixels.
+    /// Radiance is scaled by 2^`exposure_ev` and clipped at white.
     ///
     /// # Errors
-    /// Edits that do not fit the scene.
-    pub fn pictures(
+    /// Those of [`LitSceneCache::lit`].
+    pub fn images(
         &mut self,
         state: &State,
         at: Vec3,
         height: usize,
         exposure_ev: f32,
-    ) -> Result<ProbePictures, SessionError> {
-        let (scene, viewers) = self.viewers(state)?;
-        let Rendering { radiance, distance_m, .. } = viewers.panorama(at, 2 * height, height);
-        let origins = Image::from_fn(2 * height, height, |x, y| {
+    ) -> Result<ProbeImages, SessionError> {
+        let (scene, renderer) = self.renderer(state)?;
+        let Rendering { radiance, distance_m, .. } = renderer.panorama(at, 2 * height, height);
+        let provenance = Image::from_fn(2 * height, height, |x, y| {
             let direction = pixel_direction(x, y, 2 * height, height);
             origin_color(origin_of(scene, at, direction, distance_m[(x, y)]))
         });
-        Ok(ProbePictures {
+        Ok(ProbeImages {
             panorama: ToneCurve::Clip.map(&radiance, exposure_ev),
             ball: ToneCurve::Clip.map(&ball(&radiance, at, height), exposure_ev),
-            origins,
+            provenance,
         })
     }
 
-    /// The HDR panorama at a place as an OpenEXR file, as `lightoctree envmap --lamp` writes one.
+    /// Encodes the HDR panorama at a point as OpenEXR, as `lightoctree envmap --lamp` writes it.
     ///
     /// # Errors
-    /// Edits that do not fit the scene.
-    pub fn exr(scenes: &LitScenes, state: &State, at: Vec3, height: usize) -> Result<Vec<u8>, SessionError> {
-        let panorama = SceneRenderer::new(&*scenes.of(state)?).panorama(at, 2 * height, height);
+    /// Those of [`LitSceneCache::lit`].
+    pub fn exr(scenes: &LitSceneCache, state: &State, at: Vec3, height: usize) -> Result<Vec<u8>, SessionError> {
+        let panorama = SceneRenderer::new(&*scenes.lit(state)?).panorama(at, 2 * height, height);
         let options = ExrOptions {
             generator: "lightoctree envmap".to_owned(),
             environment: Some(EnvironmentLayout::LatitudeLongitude),
@@ -94,7 +95,7 @@ impl Probe {
     }
 }
 
-/// A mirror ball in a panorama, seen from the camera at the origin as if from far away; black around.
+/// Renders a mirror ball lit by a panorama, in orthographic view from the camera's direction; black background.
 fn ball(panorama: &RadianceImage, at: Vec3, side: usize) -> RadianceImage {
     let view = at.normalize_or(Vec3::NEG_Z);
     let right = view.cross(Vec3::Y).normalize_or(Vec3::X);
@@ -129,7 +130,7 @@ mod tests {
         assert!(middle[1] > 0.99 && middle[0] < 0.01, "{middle:?}");
         let rim = ball[(64, 32)];
         assert!(rim[0] > 0.8 && rim[1] < 0.05, "{rim:?}");
-        // Half-way to the right, at 45°, it mirrors what lies to the right.
+        // At 45°, it mirrors what is to the right.
         let side = ball[(32 + 23, 32)];
         assert!(side[2] > 0.95, "{side:?}");
         assert_eq!(ball[(0, 0)], [0.0; 3]);

@@ -1,4 +1,4 @@
-//! Objects in the scene's file, and back.
+//! Conversion between session states and documents.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,16 +7,16 @@ use lightoctree::Document;
 use lightoctree::insert::{Ground, LayoutObject, PathSource, Placement};
 use lightoctree::scene::ObjectDisplay;
 
-use crate::{Mesh, Object, ObjectMaterial, Place, SessionError, Size, State};
+use crate::{Mesh, Object, ObjectMaterial, ObjectPosition, ObjectSize, SessionError, State};
 
 /// Meshes by name.
 type Meshes = BTreeMap<String, Arc<Mesh>>;
 
 impl State {
-    /// The document with this state's edits and objects.
+    /// Returns a document with this state's edits and objects.
     ///
     /// # Errors
-    /// None that a state of a session could cause.
+    /// Never for a state of a session.
     pub fn to_document(&self, of: &Document) -> Result<Document, SessionError> {
         let layout = if self.objects.is_empty() { None } else { Some(self.layout()?) };
         let meshes = self.objects.iter().flat_map(|object| object.mesh.files());
@@ -29,11 +29,11 @@ impl State {
         })
     }
 
-    /// The state that a document was left in, and the meshes of its objects, whose numbers are 1, 2, ….
+    /// Restores the state of a document and the meshes of its objects. Object ids are 1, 2, ….
     ///
     /// # Errors
-    /// Where an object cannot stand there, or is described in a way that a session does not support.
-    pub fn of_document(document: &Document, ground: Ground<'_>) -> Result<(Self, Meshes), SessionError> {
+    /// If an object cannot be placed, or uses a feature that a session does not support.
+    pub fn from_document(document: &Document, ground: Ground<'_>) -> Result<(Self, Meshes), SessionError> {
         let ObjectDisplay { floor_gloss, frames, fps, time_s } = document.shown;
         let lights = document.light_edits.clone();
         let mut state = Self { objects: Vec::new(), lights, floor_gloss, frames, fps, time_s };
@@ -43,7 +43,7 @@ impl State {
             let name = object.mesh.to_string_lossy().into_owned();
             let mesh = match meshes.get(&name) {
                 Some(mesh) => mesh.clone(),
-                None => Arc::new(Mesh::of_document(document, &name)?),
+                None => Arc::new(Mesh::from_document(document, &name)?),
             };
             meshes.insert(name, mesh.clone());
             state.objects.push(placed(ground, id, object, mesh, time_s)?);
@@ -59,32 +59,33 @@ fn placed(
     mesh: Arc<Mesh>,
     time_s: f64,
 ) -> Result<Object, SessionError> {
-    let foreign = |what| SessionError::Foreign { object: from.name().to_owned(), what };
+    let unsupported = |what| SessionError::Unsupported { object: from.name().to_owned(), what };
     let path = match &from.path {
         Some(PathSource::Keyframes(path)) => Some(path.clone()),
-        Some(PathSource::File(_)) => return Err(foreign("a \"path\" in a file")),
+        Some(PathSource::File(_)) => return Err(unsupported("a \"path\" in a file")),
         None => None,
     };
-    let place = match (from.pixel, from.position_m) {
-        _ if from.on.is_some() => return Err(foreign("\"on\"")),
-        _ if path.is_some() => Place::Position(Default::default()),
-        (Some(pixel), _) => Place::Pixel(pixel),
-        (None, Some(position_m)) => Place::Position(position_m),
-        (None, None) => return Err(foreign("no place")),
+    let position = match (from.pixel, from.position_m) {
+        _ if from.on.is_some() => return Err(unsupported("\"on\"")),
+        _ if path.is_some() => ObjectPosition::Position(Default::default()),
+        (Some(pixel), _) => ObjectPosition::Pixel(pixel),
+        (None, Some(position_m)) => ObjectPosition::Position(position_m),
+        (None, None) => return Err(unsupported("no position")),
     };
     let size = match (from.scale, from.height_m) {
-        (_, Some(height_m)) => Size::Height(height_m),
-        (scale, None) => Size::Scale(scale.unwrap_or(1.0)),
+        (_, Some(height_m)) => ObjectSize::Height(height_m),
+        (scale, None) => ObjectSize::Scale(scale.unwrap_or(1.0)),
     };
     let material = from.material.as_ref();
-    let material =
-        material.map(|spec| ObjectMaterial::of_spec(spec).ok_or_else(|| foreign("a \"material\""))).transpose()?;
+    let material = material
+        .map(|spec| ObjectMaterial::from_spec(spec).ok_or_else(|| unsupported("a \"material\"")))
+        .transpose()?;
     let align = from.align.unwrap_or_default();
     let object = Object {
         id,
         name: from.name().to_owned(),
         mesh,
-        place,
+        position,
         size,
         yaw_deg: from.yaw_deg.unwrap_or(0.0),
         path,

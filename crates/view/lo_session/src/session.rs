@@ -8,30 +8,31 @@ use lightoctree::scene::{CONTRASTS, LightEdits, MAX_LIGHT_EDITS, ObjectDisplay, 
 use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, GuessedLight, LightEffect, LightMode};
 
 use crate::drag::dragged;
-use crate::{Command, Files, Mesh, Object, ObjectMaterial, OpenScene, Place, SessionError, Size, State};
+use crate::{Command, Files, Mesh, Object, ObjectMaterial, ObjectPosition, ObjectSize, OpenScene, SessionError, State};
 
-/// Most meshes that a session holds beside the built-in ones.
+/// Maximum number of meshes besides the built-in ones.
 const MAX_MESHES: usize = 200;
 
-/// Height of new objects whose mesh is not plainly in metres.
-const HEIGHT_M: f64 = 0.3;
+/// Height of a new object whose mesh is not evidently in metres.
+const DEFAULT_HEIGHT_M: f64 = 0.3;
 
-/// Extents in which a mesh is taken to be in metres.
-const METRES: std::ops::RangeInclusive<f32> = 0.02..=3.0;
+/// A mesh with an extent in this range is assumed to be in metres.
+const METRE_EXTENTS: RangeInclusive<f32> = 0.02..=3.0;
 
-/// Why a choice of light is refused.
-const NO_CHOICE: &str = "the light of this scene is no guess of a network: all choices are the same";
-const NO_EXPECTATION: &str =
-    "this scene has no expected light: contrast, warmth and white change nothing; estimate it anew, without a panorama";
+/// Refusals of a choice of light.
+const NO_CHOICE: &str = "a network did not infer the light of this scene: all choices are the same";
+const NO_EXPECTATION: &str = "this scene has no expected light: contrast, warmth and white have no effect; \
+     estimate it again, without a panorama";
 
-/// Objects and lights of one scene while somebody changes them.
+/// An editing session of one scene's objects and lights.
 ///
-/// A gesture is a row of [`Session::preview`]s that [`Session::commit`] keeps as one step of the history, or [`Session::cancel`] drops.
+/// A gesture is a series of [`Session::preview`]s. [`Session::commit`] keeps it as one step of the history,
+/// [`Session::cancel`] discards it.
 pub struct Session {
-    open: Arc<OpenScene>,
+    scene: Arc<OpenScene>,
     meshes: BTreeMap<String, Arc<Mesh>>,
     state: State,
-    /// What a gesture shows.
+    /// State shown by the current gesture.
     preview: Option<State>,
     undo: Vec<State>,
     redo: Vec<State>,
@@ -39,79 +40,81 @@ pub struct Session {
 }
 
 impl Session {
-    /// At a scene as its file left it: with its objects and the edits of its light.
+    /// Opens a scene with the objects and light edits of its document.
     ///
     /// # Errors
-    /// Those of [`State::of_document`].
-    pub fn new(open: Arc<OpenScene>) -> Result<Self, SessionError> {
-        let (state, meshes) = State::of_document(&open.document, open.ground())?;
+    /// Those of [`State::from_document`].
+    pub fn new(scene: Arc<OpenScene>) -> Result<Self, SessionError> {
+        let (state, meshes) = State::from_document(&scene.document, scene.ground())?;
         let next_id = state.objects.len() as u32 + 1;
-        Ok(Self { open, meshes, state, preview: None, undo: Vec::new(), redo: Vec::new(), next_id })
+        Ok(Self { scene, meshes, state, preview: None, undo: Vec::new(), redo: Vec::new(), next_id })
     }
 
-    /// The scene.
-    pub fn open(&self) -> &Arc<OpenScene> {
-        &self.open
+    /// Returns the scene.
+    pub fn scene(&self) -> &Arc<OpenScene> {
+        &self.scene
     }
 
-    /// What is shown: what a gesture previews, or else what was kept.
+    /// Returns the shown state: the preview of the current gesture, or else the committed state.
     pub fn state(&self) -> &State {
         self.preview.as_ref().unwrap_or(&self.state)
     }
 
-    /// Whether a gesture is under way.
+    /// Returns whether a gesture is in progress.
     pub fn is_previewing(&self) -> bool {
         self.preview.is_some()
     }
 
-    /// Whether there is something to undo, and something to redo.
+    /// Returns whether there is a step to undo, and one to redo.
     pub fn can_undo_and_redo(&self) -> [bool; 2] {
         [!self.undo.is_empty(), !self.redo.is_empty()]
     }
 
-    /// Carries a command out and keeps it as a step of the history; a gesture under way is kept before.
+    /// Executes a command as one step of the history. Commits a gesture in progress first.
     ///
     /// # Errors
-    /// Where it is impossible; nothing is changed then.
+    /// If the command is invalid; the state does not change then.
     pub fn apply(&mut self, command: &Command) -> Result<(), SessionError> {
         self.commit();
         let next = self.changed(command)?;
-        self.keep(next);
+        self.push(next);
         Ok(())
     }
 
-    /// Shows what a command comes to, as part of a gesture.
+    /// Previews a command as part of a gesture.
     ///
     /// # Errors
-    /// Where it is impossible; what is shown does not change then.
+    /// If the command is invalid; the shown state does not change then.
     pub fn preview(&mut self, command: &Command) -> Result<(), SessionError> {
         self.preview = Some(self.changed(command)?);
         Ok(())
     }
 
-    /// Keeps what a gesture shows.
+    /// Commits the current gesture as one step of the history.
     pub fn commit(&mut self) {
         if let Some(shown) = self.preview.take() {
-            self.keep(shown);
+            self.push(shown);
         }
     }
 
-    /// Drops what a gesture shows.
+    /// Discards the current gesture.
     pub fn cancel(&mut self) {
         self.preview = None;
     }
 
-    /// Looks at another time; a gesture under way is kept before. It is no step of the history, whose steps come back with the time that they were made at.
+    /// Moves to another time. Commits a gesture in progress first.
+    ///
+    /// Seeking is not a step of the history. Undo and redo restore the time at which a step was made.
     ///
     /// # Errors
-    /// A time out of range.
+    /// If the time is out of range.
     pub fn seek(&mut self, time_s: f64) -> Result<(), SessionError> {
         self.commit();
-        self.state = self.state.at(time_s, self.open.ground())?;
+        self.state = self.state.at(time_s, self.scene.ground())?;
         Ok(())
     }
 
-    /// Takes the last step back, or the gesture under way; `false` where there is none.
+    /// Discards the current gesture, or undoes the last step. Returns `false` if there is neither.
     pub fn undo(&mut self) -> bool {
         if self.preview.take().is_some() {
             return true;
@@ -121,7 +124,7 @@ impl Session {
         true
     }
 
-    /// Takes the last undone step again; `false` where there is none.
+    /// Redoes the last undone step. Returns `false` if there is none.
     pub fn redo(&mut self) -> bool {
         self.preview = None;
         let Some(after) = self.redo.pop() else { return false };
@@ -129,12 +132,12 @@ impl Session {
         true
     }
 
-    /// Takes a mesh of a file in, under the file's name or one like it, which is the answer.
+    /// Adds a mesh read from a file and returns its name: the file's name, numbered if it is taken.
+    ///
+    /// `content` is the file's content, `parts` the files that it references, by name.
     ///
     /// # Errors
-    /// A mesh without extent; too many of them.
-    ///
-    /// `content` and `parts`: the file and those that it names, by name, as they came.
+    /// If the session has too many meshes.
     pub fn add_mesh(
         &mut self,
         file: &str,
@@ -143,9 +146,9 @@ impl Session {
         parts: Files,
     ) -> Result<String, SessionError> {
         if self.meshes.keys().filter(|name| !name.starts_with(BUILTIN_PREFIX)).count() >= MAX_MESHES {
-            return Err(SessionError::Full { what: "meshes", limit: MAX_MESHES });
+            return Err(SessionError::TooMany { what: "meshes", limit: MAX_MESHES });
         }
-        // The command line knows files by their names: a second one of the same name is another file.
+        // The command line identifies files by name, so a second file of the same name gets another one.
         let (stem, ending) = file.rsplit_once('.').unwrap_or((file, ""));
         let numbered = (2..).map(|number| format!("{stem}_{number}.{ending}"));
         let mut names = std::iter::once(file.to_owned()).chain(numbered);
@@ -165,32 +168,32 @@ impl Session {
         Ok(mesh)
     }
 
-    /// Names of the meshes that objects can be made of.
+    /// Returns the names of the available meshes.
     pub fn mesh_names(&self) -> Vec<String> {
         let builtin = BUILTIN_MODELS.iter().map(|name| format!("{BUILTIN_PREFIX}{name}"));
         builtin.chain(self.meshes.keys().filter(|name| !name.starts_with(BUILTIN_PREFIX)).cloned()).collect()
     }
 
-    fn keep(&mut self, next: State) {
+    fn push(&mut self, next: State) {
         if next != self.state {
             self.undo.push(std::mem::replace(&mut self.state, next));
             self.redo.clear();
         }
     }
 
-    /// What is shown, with a command carried out.
+    /// Returns the shown state after a command.
     fn changed(&mut self, command: &Command) -> Result<State, SessionError> {
-        // The end of a keyframe's way is told from its beginning.
+        // `MoveKey` refers to the keyframe's time before the gesture.
         let from = if matches!(command, Command::MoveKey { .. }) { &self.state } else { self.state() };
         let mut state = from.clone();
-        let open = self.open.clone();
+        let scene = self.scene.clone();
         let time_s = state.time_s;
         let object = |id: u32, change: &dyn Fn(&mut Object) -> Result<(), SessionError>| {
             let mut object = state.object(id)?.clone();
             change(&mut object)?;
-            object.placed(open.ground(), time_s)
+            object.placed(scene.ground(), time_s)
         };
-        let simply = |id: u32, change: &dyn Fn(&mut Object)| {
+        let infallible = |id: u32, change: &dyn Fn(&mut Object)| {
             object(id, &|object| {
                 change(object);
                 Ok(())
@@ -212,20 +215,22 @@ impl Session {
                 return Ok(state);
             }
             Command::Drag { object: id, to } => {
-                let place = dragged(&open, state.object(*id)?, self.is_lifted(*id), *to);
-                let Some(place) = place else { return Ok(state) };
-                object(*id, &|object| object.stand(place, object.yaw_deg, time_s))?
+                let position = dragged(&scene, state.object(*id)?, self.is_lifted(*id), *to);
+                let Some(position) = position else { return Ok(state) };
+                object(*id, &|object| object.set_pose(position, object.yaw_deg, time_s))?
             }
-            Command::Rename { object: id, name } => simply(*id, &|object| object.name.clone_from(name))?,
+            Command::Rename { object: id, name } => infallible(*id, &|object| object.name.clone_from(name))?,
             Command::Place { object: id, place } => {
-                object(*id, &|object| object.stand(*place, object.yaw_deg, time_s))?
+                object(*id, &|object| object.set_pose(*place, object.yaw_deg, time_s))?
             }
-            Command::Size { object: id, size } => simply(*id, &|object| object.size = *size)?,
+            Command::Size { object: id, size } => infallible(*id, &|object| object.size = *size)?,
             Command::Turn { object: id, yaw_deg } => {
-                object(*id, &|object| object.stand(object.place, *yaw_deg, time_s))?
+                object(*id, &|object| object.set_pose(object.position, *yaw_deg, time_s))?
             }
-            Command::Align { object: id, align } => simply(*id, &|object| object.align = *align)?,
-            Command::Material { object: id, material } => simply(*id, &|object| object.material.clone_from(material))?,
+            Command::Align { object: id, align } => infallible(*id, &|object| object.align = *align)?,
+            Command::Material { object: id, material } => {
+                infallible(*id, &|object| object.material.clone_from(material))?
+            }
             Command::SetKey { object: id, time_s } => object(*id, &|object| object.set_key(*time_s))?,
             Command::MoveKey { object: id, from_s, to_s } => object(*id, &|object| object.move_key(*from_s, *to_s))?,
             Command::DeleteKey { object: id, time_s } => object(*id, &|object| object.delete_key(*time_s))?,
@@ -234,13 +239,13 @@ impl Session {
             }
             Command::Frames { frames, fps } => {
                 let shown = ObjectDisplay { frames: *frames, fps: *fps, ..ObjectDisplay::default() };
-                shown.invalid_field().map_or(Ok(()), |why| Err(SessionError::Shown(why)))?;
+                shown.invalid_field().map_or(Ok(()), |why| Err(SessionError::Sequence(why)))?;
                 return Ok(State { frames: *frames, fps: *fps, ..state });
             }
             Command::FloorGloss { gloss } => {
                 if !(0.0..=1.0).contains(gloss) {
                     let found = f64::from(*gloss);
-                    return Err(SessionError::Number { name: "the floor's gloss", needed: "from 0 to 1", found });
+                    return Err(SessionError::InvalidNumber { name: "the floor gloss", needed: "from 0 to 1", found });
                 }
                 return Ok(State { floor_gloss: *gloss, ..state });
             }
@@ -256,7 +261,7 @@ impl Session {
                 return Ok(state);
             }
         };
-        // Names tell objects apart in layouts.
+        // Layouts identify objects by name.
         if state.objects.iter().any(|other| other.id != changed.id && other.name == changed.name) {
             return Err(SessionError::NameTaken(changed.name));
         }
@@ -269,18 +274,20 @@ impl Session {
         Ok(state)
     }
 
-    /// Whether an object was in the air when the gesture began.
+    /// Returns whether an object was lifted off its support before the gesture.
     fn is_lifted(&self, id: u32) -> bool {
         let begun = self.state.object(id).or_else(|_| self.state().object(id));
-        begun.is_ok_and(|object| object.placement.support.is_none() && matches!(object.place, Place::Position(_)))
+        begun.is_ok_and(|object| {
+            object.placement.support.is_none() && matches!(object.position, ObjectPosition::Position(_))
+        })
     }
 
-    /// Another choice of light; none where that is what it is without one.
+    /// Returns the changed choice of light; `None` if it equals the default.
     fn changed_guess(&self, state: &State, command: &Command) -> Result<Option<GuessedLight>, SessionError> {
-        let estimate = self.open.estimate();
+        let estimate = self.scene.estimate();
         let within = |name, needed, range: RangeInclusive<f32>, value: f32| {
             let found = f64::from(value);
-            if range.contains(&value) { Ok(value) } else { Err(SessionError::Number { name, needed, found }) }
+            if range.contains(&value) { Ok(value) } else { Err(SessionError::InvalidNumber { name, needed, found }) }
         };
         let mut guessed = state.lights.guessed.unwrap_or_default();
         let no_effect = match (LightEffect::of(estimate), command) {
@@ -288,10 +295,10 @@ impl Session {
             (_, Command::GuessedLight { .. }) => None,
             (LightEffect::Fitted, _) => Some(NO_EXPECTATION),
             (_, Command::Contrast { .. }) => {
-                (guessed.light != LightMode::Plausible).then_some("only plausible light has a contrast")
+                (guessed.light != LightMode::Plausible).then_some("contrast has an effect only on plausible light")
             }
             _ => (guessed.light == LightMode::Even)
-                .then_some("warmth and white change expected and plausible light, not even light"),
+                .then_some("warmth and white have an effect on expected and plausible light, not even light"),
         };
         if let Some(why) = no_effect {
             return Err(SessionError::NoEffect(why));
@@ -309,18 +316,18 @@ impl Session {
             }
             _ => {}
         }
-        // A scene that came with a choice keeps one, so that the command line says it.
-        let is_needed = guessed != GuessedLight::default() || self.open.document.light_edits.guessed.is_some();
+        // If the scene file has a choice, the state keeps one, so that the command line states it.
+        let is_needed = guessed != GuessedLight::default() || self.scene.document.light_edits.guessed.is_some();
         Ok(is_needed.then_some(guessed))
     }
 
     fn change_lights(&self, lights: &mut LightEdits, command: &Command) -> Result<(), SessionError> {
-        let full = SessionError::Full { what: "changed lights", limit: MAX_LIGHT_EDITS };
-        let estimate = self.open.estimate();
+        let full = SessionError::TooMany { what: "changed lights", limit: MAX_LIGHT_EDITS };
+        let estimate = self.scene.estimate();
         match command {
             Command::SetLight { light, change } => {
-                change.invalid_field().map_or(Ok(()), |what| Err(SessionError::Range(what)))?;
-                let listed = self.open.lights().iter().find(|listed| listed.id == *light);
+                change.invalid_field().map_or(Ok(()), |what| Err(SessionError::OutOfRange(what)))?;
+                let listed = self.scene.lights().iter().find(|listed| listed.id == *light);
                 if listed.is_none() && !lights.added.iter().any(|added| added.id == *light) {
                     return Err(SessionError::NoLight(light.clone()));
                 }
@@ -355,53 +362,54 @@ impl Session {
         material: Option<ObjectMaterial>,
     ) -> Result<Object, SessionError> {
         let extent = mesh.size().max_element();
-        let size = if METRES.contains(&extent) && mesh.name() != "builtin:suzanne" {
-            Size::Scale(1.0)
+        let size = if METRE_EXTENTS.contains(&extent) && mesh.name() != "builtin:suzanne" {
+            ObjectSize::Scale(1.0)
         } else if mesh.size().y > 0.0 {
-            Size::Height(HEIGHT_M)
+            ObjectSize::Height(DEFAULT_HEIGHT_M)
         } else {
-            Size::Scale(HEIGHT_M / f64::from(extent))
+            ObjectSize::Scale(DEFAULT_HEIGHT_M / f64::from(extent))
         };
         let file = mesh.name().strip_prefix(BUILTIN_PREFIX).unwrap_or(mesh.name());
         let stem = file.rsplit(['/', '\\']).next().unwrap_or(file);
         let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
-        let place = match pixel {
-            Some(pixel) => Place::Pixel(pixel),
-            None => self.free_place(),
+        let position = match pixel {
+            Some(pixel) => ObjectPosition::Pixel(pixel),
+            None => self.free_position(),
         };
         let new = Object {
             id: self.next_id,
             name: self.free_name(stem),
             mesh,
-            place,
+            position,
             size,
             yaw_deg: 0.0,
             path: None,
             align: Align::default(),
             material,
-            placement: Placement::at(self.open.estimate(), Default::default(), Align::Gravity),
+            placement: Placement::at(self.scene.estimate(), Default::default(), Align::Gravity),
         };
-        let new = new.placed(self.open.ground(), self.state().time_s)?;
+        let new = new.placed(self.scene.ground(), self.state().time_s)?;
         self.next_id += 1;
         Ok(new)
     }
 
     fn duplicate(&mut self, of: &Object) -> Result<Object, SessionError> {
-        // It stands still: moved in the same way it would hide in the first one.
+        // Without keyframes: with the same ones it would coincide with the original.
         let new = Object { id: self.next_id, name: self.free_name(&of.name), path: None, ..of.clone() };
-        // Beside it, where there is something to stand on; else at the same place.
+        // Next to the original where a surface supports it, else at the same position.
         let size = of.mesh.size() * of.placement.scale;
-        let camera = self.open.estimate().frame.camera;
+        let camera = self.scene.estimate().frame.camera;
         let beside = camera.project(of.placement.position_m).and_then(|(u, v, z)| {
             let step = 1.2 * camera.fx * f64::from(size.x) / z;
-            [step, -step].into_iter().find_map(|step| dragged(&self.open, of, self.is_lifted(of.id), [u + step, v]))
+            [step, -step].into_iter().find_map(|step| dragged(&self.scene, of, self.is_lifted(of.id), [u + step, v]))
         });
-        let moved = beside.and_then(|place| Object { place, ..new.clone() }.placed(self.open.ground(), 0.0).ok());
+        let moved =
+            beside.and_then(|position| Object { position, ..new.clone() }.placed(self.scene.ground(), 0.0).ok());
         self.next_id += 1;
-        moved.map_or_else(|| new.placed(self.open.ground(), 0.0), Ok)
+        moved.map_or_else(|| new.placed(self.scene.ground(), 0.0), Ok)
     }
 
-    /// A name that no object has: with a number behind it where it is taken.
+    /// Returns an unused name: the wanted one, or numbered if it is taken.
     fn free_name(&self, wanted: &str) -> String {
         let wanted = if wanted.is_empty() { "object" } else { wanted };
         let stem = wanted.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches([' ', '_']);
@@ -411,35 +419,35 @@ impl Session {
         std::iter::once(wanted.to_owned()).chain(numbered).find(|name| !taken(name)).unwrap_or_default()
     }
 
-    /// A surface in the lower half of the photo on which something can stand, away from what stands there.
-    fn free_place(&self) -> Place {
-        /// Places along the width and the height at which one looks.
+    /// Finds a supporting surface in the lower half of the photo, away from other objects.
+    fn free_position(&self) -> ObjectPosition {
+        /// Candidate positions, as shares of width and height.
         const COLUMNS: [f64; 7] = [0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8];
         const ROWS: [f64; 5] = [0.75, 0.82, 0.68, 0.9, 0.6];
-        let camera = self.open.estimate().frame.camera;
+        let camera = self.scene.estimate().frame.camera;
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-        let up = self.open.up();
+        let up = self.scene.up();
         let free = |[u, v]: [f64; 2]| {
-            let (position_m, normal) = self.open.surfaces.at_pixel(u, v)?;
+            let (position_m, normal) = self.scene.surfaces.at_pixel(u, v)?;
             let apart = |object: &Object| {
                 let size = object.mesh.size() * object.placement.scale;
                 (object.placement.position_m - position_m).length() > 0.5 * size.max_element() + 0.15
             };
             let is_free = normal.dot(up) > 0.9 && self.state().objects.iter().all(apart);
-            is_free.then_some(Place::Pixel([u, v]))
+            is_free.then_some(ObjectPosition::Pixel([u, v]))
         };
-        let mut places =
+        let mut candidates =
             ROWS.iter().flat_map(|v| COLUMNS.map(|u| [(u * width).floor() + 0.5, (v * height).floor() + 0.5]));
-        places.find_map(free).unwrap_or_else(|| {
-            let ahead = camera.unproject(0.5 * width, 0.7 * height, f64::from(0.6 * self.open.far_m));
-            Place::Position(ahead.to_array().map(f64::from))
+        candidates.find_map(free).unwrap_or_else(|| {
+            let ahead = camera.unproject(0.5 * width, 0.7 * height, f64::from(0.6 * self.scene.max_depth_m));
+            ObjectPosition::Position(ahead.to_array().map(f64::from))
         })
     }
 }
 
 fn with_new(mut state: State, new: Object) -> Result<State, SessionError> {
     if state.objects.len() >= Layout::MAX_OBJECTS {
-        return Err(SessionError::Full { what: "objects", limit: Layout::MAX_OBJECTS });
+        return Err(SessionError::TooMany { what: "objects", limit: Layout::MAX_OBJECTS });
     }
     state.objects.push(new);
     Ok(state)

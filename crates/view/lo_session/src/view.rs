@@ -4,43 +4,43 @@ use lightoctree::scene::{AddedLight, LightChange, LightEdits, LightShape};
 use lightoctree::{GuessedLight, LightEffect};
 use serde::Serialize;
 
-use crate::{ObjectMaterial, Place, Session, Size, insert_command};
+use crate::{ObjectMaterial, ObjectPosition, ObjectSize, Session, insert_command};
 
-/// What a session shows, as data for a front end.
+/// A session as data for a front end.
 #[derive(Clone, Debug, Serialize)]
 pub struct SessionView {
-    /// What stands in the photo.
+    /// Objects in the photo.
     pub objects: Vec<ObjectView>,
-    /// Which light it is lit by.
+    /// Choice of light for unobserved regions.
     pub guessed_light: GuessedLightView,
-    /// What gives light.
+    /// Found and added lights.
     pub lights: Vec<LightView>,
-    /// How polished what carries the objects is.
+    /// Gloss of the surfaces that carry objects, 0 to 1.
     pub floor_gloss: f32,
-    /// Whether there is something to undo.
+    /// Whether there is a step to undo.
     pub can_undo: bool,
-    /// Whether there is something to do again.
+    /// Whether there is a step to redo.
     pub can_redo: bool,
-    /// The command line that makes the final picture; none without objects.
+    /// Command line that renders the final image; `None` without objects.
     pub command: Option<String>,
-    /// Whether the command line needs the scene saved first: its light is edited otherwise than its file says.
+    /// Whether the scene must be saved before `command` works, because its light edits differ from the file's.
     pub edited: bool,
-    /// Names of the meshes that objects can be made of.
+    /// Names of the available meshes.
     pub meshes: Vec<String>,
-    /// What moves when.
+    /// Current time, keyframe range and frames.
     pub timeline: TimelineView,
 }
 
-/// Times of a session.
+/// Timeline of a session.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct TimelineView {
-    /// The time that is looked at, seconds.
+    /// Current time, seconds.
     pub time_s: f64,
-    /// Times of the first keyframe and of the last, where something moves.
+    /// Times of the first and last keyframe, seconds; `None` without keyframes.
     pub span_s: Option<[f64; 2]>,
-    /// Number of frames of a sequence.
+    /// Number of frames of the sequence.
     pub frames: u32,
-    /// Whether somebody chose that.
+    /// Whether the user chose `frames`.
     pub is_chosen: bool,
     /// Frames per second.
     pub fps: u32,
@@ -49,68 +49,68 @@ pub struct TimelineView {
 /// One object.
 #[derive(Clone, Debug, Serialize)]
 pub struct ObjectView {
-    /// Its number.
+    /// Id.
     pub id: u32,
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its mesh's name.
+    /// Name of the mesh.
     pub mesh: String,
-    /// Where it was put.
-    pub place: Place,
-    /// How large it was made.
-    pub size: Size,
-    /// How far it was turned, degrees.
+    /// Position as entered.
+    pub place: ObjectPosition,
+    /// Size as entered.
+    pub size: ObjectSize,
+    /// Rotation, degrees.
     pub yaw_deg: f64,
-    /// Its keyframes, where it moves.
+    /// Keyframes, if the object is animated.
     pub path: Option<Path>,
-    /// Which way is up for it.
+    /// What the up axis is aligned with.
     pub align: Align,
-    /// Its material, where it is not the mesh's own.
+    /// Material that replaces the mesh's own.
     pub material: Option<ObjectMaterial>,
-    /// Middle of its base, metres.
+    /// Middle of the base, metres.
     pub position_m: [f32; 3],
-    /// Unit vector of its up.
+    /// Unit vector of the up axis.
     pub up: [f32; 3],
-    /// Extent along its own axes, metres.
+    /// Extent along the object's axes, metres.
     pub size_m: [f32; 3],
-    /// Metres per unit of its mesh.
+    /// Metres per unit of the mesh.
     pub scale: f32,
-    /// Whether it rests on something.
+    /// Whether a surface supports it.
     pub rests: bool,
 }
 
-/// The light of what no photo shows.
+/// Choice of light for unobserved regions.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct GuessedLightView {
-    /// Which, and how it is tuned.
+    /// The light and its tuning.
     #[serde(flatten)]
     pub chosen: GuessedLight,
-    /// What another choice would change.
+    /// What other choices would affect.
     pub effect: LightEffect,
 }
 
 /// One light.
 #[derive(Clone, Debug, Serialize)]
 pub struct LightView {
-    /// Before changes.
+    /// The light before edits.
     #[serde(flatten)]
     pub listed: ListedLight,
-    /// What is changed of it.
+    /// Edits of the light.
     pub changed: LightChange,
-    /// Of a sun, degrees to the right of where the camera looks and above the horizon.
+    /// Direction of a sun: degrees to the right of the camera's axis, and above the horizon.
     pub sun_deg: Option<[f64; 2]>,
 }
 
 impl Session {
-    /// What it shows.
+    /// Returns the session as data for a front end.
     pub fn view(&self) -> SessionView {
         let state = self.state();
-        let open = self.open();
+        let scene = self.scene();
         let objects = state.objects.iter().map(|object| ObjectView {
             id: object.id,
             name: object.name.clone(),
             mesh: object.mesh.name().to_owned(),
-            place: object.place,
+            place: object.position,
             size: object.size,
             yaw_deg: object.yaw_deg,
             path: object.path.clone(),
@@ -122,7 +122,7 @@ impl Session {
             scale: object.placement.scale,
             rests: object.placement.support.is_some(),
         });
-        let found = open.lights().iter().map(|listed| LightView {
+        let found = scene.lights().iter().map(|listed| LightView {
             changed: state.lights.change_of(&listed.id),
             listed: ListedLight { change: None, ..listed.clone() },
             sun_deg: None,
@@ -131,7 +131,7 @@ impl Session {
             listed: ListedLight { change: None, ..ListedLight::of_added(added) },
             changed: added.change,
             sun_deg: match added.light.shape {
-                LightShape::Sun { direction, .. } => Some(sun_angles_deg(open.estimate(), direction)),
+                LightShape::Sun { direction, .. } => Some(sun_angles_deg(scene.estimate(), direction)),
                 _ => None,
             },
         };
@@ -140,14 +140,14 @@ impl Session {
             objects: objects.collect(),
             guessed_light: GuessedLightView {
                 chosen: state.lights.guessed.unwrap_or_default(),
-                effect: LightEffect::of(open.estimate()),
+                effect: LightEffect::of(scene.estimate()),
             },
             lights: found.chain(state.lights.added.iter().map(added)).collect(),
             floor_gloss: state.floor_gloss,
             can_undo,
             can_redo,
-            command: insert_command(&open.file, state),
-            edited: is_edited(&state.lights, &open.document.light_edits),
+            command: insert_command(&scene.file, state),
+            edited: is_edited(&state.lights, &scene.document.light_edits),
             meshes: self.mesh_names(),
             timeline: TimelineView {
                 time_s: state.time_s,
@@ -160,9 +160,9 @@ impl Session {
     }
 }
 
-/// Whether lights differ from those of the scene's file in a way that the options of `insert` do not tell.
+/// Returns whether light edits differ from the scene file's in a way that the options of `insert` cannot express.
 fn is_edited(lights: &LightEdits, of_file: &LightEdits) -> bool {
-    // The options tell a choice, and nothing of what the file has where there is none.
+    // Options of `insert` express a choice of light, but not the removal of the file's choice.
     let guessed = lights.guessed.or(of_file.guessed);
     LightEdits { guessed, ..of_file.clone() } != *lights
 }

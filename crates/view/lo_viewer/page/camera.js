@@ -1,4 +1,4 @@
-// Points and directions: the camera is at the origin and looks along −Z, +Y is up, metres.
+// Vectors and projection. The camera is at the origin and looks along −Z; +Y is up; metres.
 
 export const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
 export const minus = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -7,28 +7,28 @@ export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 export const unit = (a) => times(a, 1 / Math.hypot(...a));
 
-/** Photo position of a point; null at or behind the camera. */
+/** Projects a point to a photo position; null at or behind the camera. */
 export function project(camera, [x, y, z]) {
   if (z > -1e-3) return null;
   return [camera.cx - (camera.fx * x) / z, camera.cy + (camera.fy * y) / z];
 }
 
-/** Direction through a photo position, of length 1 along −Z. */
+/** Returns the direction through a photo position, with z = −1. */
 export function direction(camera, [u, v]) {
   return [(u - camera.cx) / camera.fx, -(v - camera.cy) / camera.fy, -1];
 }
 
-/** Where the line of sight through a photo position meets a plane; null where it does not. */
+/** Intersects the ray through a photo position with a plane; null without intersection. */
 export function onPlane(camera, pixel, point, normal) {
   const along = direction(camera, pixel);
   const distance = dot(point, normal) / dot(along, normal);
   return Number.isFinite(distance) && distance > 0 ? times(along, distance) : null;
 }
 
-/** An object's own x, y and z axes in the world. */
+/** Returns an object's x, y and z axes in world space. */
 export function axes(object) {
   const up = object.up;
-  // The shortest turn from +Y to `up`, then the turn about it.
+  // The shortest rotation from +Y to `up`, after the rotation about the up axis.
   const axis = cross([0, 1, 0], up);
   const [sin, cos] = [Math.hypot(...axis), up[1]];
   const turned = (v) => {
@@ -44,7 +44,7 @@ export function axes(object) {
   ];
 }
 
-/** The eight corners of an object's box, those of the base first. */
+/** Returns the eight corners of an object's bounding box, those of the base first. */
 export function corners(object) {
   const [x, y, z] = axes(object);
   const [width, height, length] = object.size_m;
@@ -58,9 +58,9 @@ export function corners(object) {
   return found;
 }
 
-/** Whether a point lies in the convex hull of others. */
+/** Returns whether a point is in the convex hull of others. */
 export function isInHull(points, [x, y]) {
-  // In the hull where there is no direction in which all points lie on one side of it.
+  // The point is inside unless all others are on one side of it.
   const angles = points.map(([px, py]) => Math.atan2(py - y, px - x)).sort((a, b) => a - b);
   let gap = 2 * Math.PI - (angles[angles.length - 1] - angles[0]);
   for (let i = 1; i < angles.length; i++) gap = Math.max(gap, angles[i] - angles[i - 1]);

@@ -1,8 +1,8 @@
-// Small helpers for elements.
+// Helpers for DOM elements, and conversion of colours.
 
 export const byId = (id) => document.getElementById(id);
 
-/** An element with properties and children. */
+/** Creates an element with properties and children. */
 export function element(tag, properties = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(properties)) {
@@ -13,20 +13,20 @@ export function element(tag, properties = {}, ...children) {
   return made;
 }
 
-/** Shows a value in a field, unless somebody is typing there. */
+/** Sets the value of a field, unless the user is typing in it. */
 export function fill(field, value) {
   const isTyped = document.activeElement === field && (field.type === "number" || field.type === "text");
   if (!isTyped && field.value !== String(value)) field.value = value;
 }
 
-/** Three digits behind the point at most. */
+/** Formats a number with at most three decimals. */
 export const short = (number) => String(Math.round(1000 * number) / 1000);
 
-/** Says something to the user; it goes by itself, when it is closed, or when what is returned is called. */
-export function say(text, isWrong = false) {
+/** Shows a message until it times out, is closed, or the returned function is called. */
+export function showMessage(text, isWrong = false) {
   const messages = byId("messages");
-  const said = [...messages.children].find((other) => other.firstChild.textContent === text);
-  if (said) return () => said.remove();
+  const shown = [...messages.children].find((other) => other.firstChild.textContent === text);
+  if (shown) return () => shown.remove();
   const close = element("button", { textContent: "×", "aria-label": "Close" });
   const message = element("div", { className: isWrong ? "wrong" : "" }, element("span", { textContent: text }), close);
   close.onclick = () => message.remove();
@@ -39,13 +39,13 @@ export function say(text, isWrong = false) {
 const linear = (code) => (code <= 0.04045 ? code / 12.92 : ((code + 0.055) / 1.055) ** 2.4);
 const coded = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
 
-/** "#rrggbb" of linear RGB. */
+/** Converts linear RGB to "#rrggbb". */
 export function hexFromLinear(rgb) {
   const code = (value) => Math.round(255 * coded(Math.min(Math.max(value, 0), 1)));
   return `#${rgb.map((value) => code(value).toString(16).padStart(2, "0")).join("")}`;
 }
 
-/** Linear RGB of "#rrggbb". */
+/** Converts "#rrggbb" to linear RGB. */
 export function linearFromHex(hex) {
   return [1, 3, 5].map((at) => Math.round(1e5 * linear(parseInt(hex.slice(at, at + 2), 16) / 255)) / 1e5);
 }

@@ -1,15 +1,11 @@
-// Pointer and keys on the picture: what they do to the selected object.
+// Pointer and keys on the photo: selecting, moving and editing objects.
 
 import { add, axes, corners, cross, dot, isInHull, minus, onPlane, project, times, unit } from "./camera.js";
-import { handleAt, handlesOf } from "./handles.js";
+import { handleAt } from "./handles.js";
 
 const DEGREES = 180 / Math.PI;
 
-/**
- * Listens to the stage. `page` has: `scene`, `view`, `selected()`, `select(id)`, `send(message)`, `preview(command)`, `hover(pixel)`, `redraw()`,
- * `photoPosition(event)`, `reach()` (how near to a handle counts, photo pixels), `keys` (functions by key), `picking` (gets the pixel that is clicked next, or null
- * where none is to be; null where nothing is to be picked).
- */
+/** Listens to the stage and the keyboard. Provides `page.gesture`. */
 export function listen(stage, page) {
   let gesture = null;
   page.gesture = () => gesture;
@@ -78,18 +74,18 @@ export function listen(stage, page) {
       else page.select(null);
       return;
     }
-    // Arrows and the like belong to the control that has the focus.
+    // These keys belong to the focused control.
     const isElsewhere = event.target.closest?.("aside, header, footer, #timeline");
     const isPlain = !event.ctrlKey && !event.metaKey;
     if (isElsewhere && isPlain && /^(Arrow|Page|Enter| )/.test(event.key)) return;
-    const command = key(page, event);
+    const command = messageOf(page, event);
     if (command === undefined) return;
     event.preventDefault();
     if (command) page.send(command);
   });
 }
 
-/** The nearest object whose box is seen at a photo position. */
+/** Returns the nearest object whose bounding box covers a photo position. */
 function objectAt(page, pixel) {
   const { camera } = page.scene;
   const distance = (object) => Math.hypot(...object.position_m);
@@ -100,7 +96,7 @@ function objectAt(page, pixel) {
   return seen.sort((a, b) => distance(a) - distance(b))[0] ?? null;
 }
 
-/** A gesture at an object: what command a pointer position comes to. */
+/** Starts a gesture on an object. Its `command(pixel)` returns the command for a pointer position. */
 function begin(camera, object, handle, from) {
   const { id } = object;
   const [, up] = axes(object);
@@ -123,12 +119,12 @@ function begin(camera, object, handle, from) {
       command: (pixel) => {
         const now = angle(pixel);
         if (now === null || start === null) return null;
-        return { do: "turn", object: id, yaw_deg: round(turned(object, wrapped(now - start)), 10) };
+        return { do: "turn", object: id, yaw_deg: round(rotated(object, wrapped(now - start)), 10) };
       },
     };
   }
   if (handle === "lift") {
-    // In the upright plane that faces the camera.
+    // In the vertical plane that faces the camera.
     const facing = unit(cross(cross(up, object.position_m), up));
     const height = (pixel) => {
       const point = onPlane(camera, pixel, object.position_m, facing);
@@ -150,20 +146,20 @@ function begin(camera, object, handle, from) {
   return { handle, object: id, command: (pixel) => scaled(object, Math.min(Math.max(away(pixel) / start, 0.02), 50)) };
 }
 
-/** The command that makes an object `factor` times as large. */
+/** Returns the command that scales an object by a factor. */
 export function scaled(object, factor) {
   const [kind, size] = Object.entries(object.size)[0];
   return { do: "size", object: object.id, size: { [kind]: Number((size * factor).toPrecision(4)) } };
 }
 
 const round = (value, steps) => Math.round(value * steps) / steps;
-/** What moves may turn more than once. */
-const turned = (object, by) => (object.path ? object.yaw_deg + by : wrapped(object.yaw_deg + by));
+/** Animated objects may rotate by more than a full turn. */
+const rotated = (object, by) => (object.path ? object.yaw_deg + by : wrapped(object.yaw_deg + by));
 const wrapped = (angle) => angle - 360 * Math.round(angle / 360);
 const command = (made) => ({ type: "command", command: made });
 
-/** The message of a key; null for keys that were dealt with, undefined for others. */
-function key(page, event) {
+/** Returns the message for a key, null if the key was handled, undefined for other keys. */
+function messageOf(page, event) {
   const { key: name, shiftKey: isFine } = event;
   if (event.ctrlKey || event.metaKey) {
     const letter = name.toLowerCase();
@@ -187,7 +183,7 @@ function key(page, event) {
     const position = add(object.position_m, times(object.up, metres));
     return command({ do: "place", object: object.id, place: { position } });
   };
-  const turn = (degrees) => command({ do: "turn", object: object.id, yaw_deg: turned(object, degrees) });
+  const rotate = (degrees) => command({ do: "turn", object: object.id, yaw_deg: rotated(object, degrees) });
   switch (name) {
     case "ArrowLeft": return drag(-step, 0);
     case "ArrowRight": return drag(step, 0);
@@ -195,8 +191,8 @@ function key(page, event) {
     case "ArrowDown": return drag(0, step);
     case "PageUp": return lift(isFine ? 0.002 : 0.02);
     case "PageDown": return lift(isFine ? -0.002 : -0.02);
-    case "[": return turn(5);
-    case "]": return turn(-5);
+    case "[": return rotate(5);
+    case "]": return rotate(-5);
     case "+": case "=": return command(scaled(object, 1.05));
     case "-": return command(scaled(object, 1 / 1.05));
     case "g": case "G": return command(putDown(camera, object));
@@ -205,9 +201,7 @@ function key(page, event) {
   }
 }
 
-/** The command that stands an object on the surface that is seen where its base is seen. */
+/** Returns the command that puts an object down on the surface seen at its base. */
 export function putDown(camera, object) {
   return { do: "place", object: object.id, place: { pixel: project(camera, object.position_m) } };
 }
-
-export { handlesOf };

@@ -1,19 +1,19 @@
-// The light of what no photo shows: which one, its contrast and warmth, and a pixel that shows something white.
+// Controls of the light of unobserved regions: the choice, its contrast and warmth, and the white pixel.
 
 import { byId, element, fill, short } from "./dom.js";
 import { numberSlider } from "./slider.js";
 
 const LIGHTS = ["even", "expected", "plausible"];
-const TITLE = "Even: without lamps that no photo shows. Expected: right on average, and soft. "
-  + "Plausible: gathered into lamps and windows.";
+const TITLE = "Even: no lamps in unobserved regions. Expected: correct on average, with soft shadows. "
+  + "Plausible: gathered into lamps and windows, with sharp shadows.";
 
-/** Why a choice changes nothing. */
+/** Notes on choices without effect. */
 const NOTES = {
-  none: "The light of this scene is no guess of a network: there is nothing to choose.",
-  fitted: "This scene has no expected light: contrast, warmth and white change nothing, and expected light is even.",
+  none: "A network did not infer the light of this scene: there is nothing to choose.",
+  fitted: "This scene has no expected light: contrast, warmth and white have no effect, and expected light equals even light.",
 };
 
-/** Builds the controls; the answer has their `root`, and `show()` for a new state. */
+/** Builds the controls. Returns their `root`, and `show()` to update them. */
 export function guessedLight(page, act) {
   const fields = element("div", { className: "fields" });
   const field = (text, id, control) => fields.append(element("label", { textContent: text, htmlFor: id }), control);
@@ -41,7 +41,7 @@ export function guessedLight(page, act) {
     pick.setAttribute("aria-pressed", String(isOn));
     hint.hidden = !isOn;
   };
-  /** A pixel was clicked, or none. */
+  /** Ends the picking with a pixel, or null. */
   const picked = (pixel) => {
     picking(false);
     if (pixel) act({ do: "white", pixel });

@@ -1,11 +1,12 @@
-// What is drawn over the picture: the selected object's handles in perspective (box, ring to turn, arrow to lift, corner to scale), and the white pixel.
+// Drawings over the photo: the selected object's handles in perspective (box, rotation ring, lift arrow, scale corner),
+// and the white pixel.
 
 import { add, axes, corners, project, times } from "./camera.js";
 
-/** The ring's radius as a multiple of the base's half diagonal. */
+/** Radius of the ring as a multiple of the base's half diagonal. */
 const RING = 1.15;
 
-/** Photo positions of an object's handles; null where they are behind the camera. */
+/** Projects an object's handles to photo positions; null if any is behind the camera. */
 export function handlesOf(camera, object) {
   const [x, up, z] = axes(object);
   const [width, height, length] = object.size_m;
@@ -20,16 +21,18 @@ export function handlesOf(camera, object) {
     turn: onRing(0),
     size: corners(object)[6],
   };
-  const seen = Object.fromEntries(Object.entries(points).map(([name, point]) => [name, project(camera, point)]));
+  const projected = Object.fromEntries(Object.entries(points).map(([name, point]) => [name, project(camera, point)]));
   const ring = Array.from({ length: 49 }, (_, i) => project(camera, onRing((2 * Math.PI * i) / 48)));
   const box = corners(object).map((corner) => project(camera, corner));
-  const all = [...Object.values(seen), ...ring, ...box];
-  return all.includes(null) ? null : { ...seen, ring, box };
+  const all = [...Object.values(projected), ...ring, ...box];
+  return all.includes(null) ? null : { ...projected, ring, box };
 }
 
 export const EDGES = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
 
-/** Draws the handles of the selected object and a frame around the one under the pointer; `scale` is canvas pixels per photo pixel. */
+/**
+ * Draws the handles of the selected object and the box of the hovered one; `scale` is canvas pixels per photo pixel.
+ */
 export function drawHandles(context, scale, rem, camera, selected, hovered, active) {
   const { canvas } = context;
   context.clearRect(0, 0, canvas.width, canvas.height);
@@ -37,7 +40,7 @@ export function drawHandles(context, scale, rem, camera, selected, hovered, acti
   const line = (points, color, width, dash = []) => {
     context.beginPath();
     points.forEach((point, i) => (i ? context.lineTo(...at(point)) : context.moveTo(...at(point))));
-    // Dark below, so that it shows on everything.
+    // A dark outline, visible on any background.
     context.setLineDash(dash);
     context.strokeStyle = "#000a";
     context.lineWidth = width + 0.14 * rem;
@@ -88,7 +91,7 @@ export function drawHandles(context, scale, rem, camera, selected, hovered, acti
   knob(handles.size, "size");
 }
 
-/** Marks the pixel that is said to be white. */
+/** Marks the white pixel. */
 export function drawWhite(context, scale, rem, [u, v]) {
   const centre = [u * scale, v * scale];
   const ring = (radius, width, color) => {
@@ -107,7 +110,7 @@ export function drawWhite(context, scale, rem, [u, v]) {
   context.fill();
 }
 
-/** Name of the handle near a photo position, if any; `reach` in photo pixels. */
+/** Returns the name of the handle at a photo position, or null; `reach` in photo pixels. */
 export function handleAt(camera, object, [u, v], reach) {
   const handles = handlesOf(camera, object);
   if (!handles) return null;

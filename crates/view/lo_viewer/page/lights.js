@@ -1,20 +1,20 @@
-// The panel of lights: which light the room is guessed to have, what gives light in it, what is changed of it, what somebody added.
+// The panel of lights: the choice of light, the room's lights with their edits, and added lights.
 
 import { byId, element, fill, hexFromLinear, linearFromHex, short } from "./dom.js";
 import { guessedLight } from "./guessed.js";
 import { numberSlider } from "./slider.js";
 
 const KINDS = { lamp: "lamp", window: "window", "bright-surface": "bright surface", area: "lamp", sun: "sun" };
-const ORIGINS = { seen: "seen", panorama: "by the panorama", guessed: "guessed", added: "added" };
+const ORIGINS = { seen: "observed", panorama: "from the panorama", guessed: "inferred", added: "added" };
 
-/** Builds the panel; the answer shows a new state. */
+/** Builds the panel. Returns a function that updates it. */
 export function lightsPanel(page) {
   const panel = byId("lights");
   const act = (command) => page.send({ type: "command", command });
   const list = element("div", { className: "lights" });
   list.style.display = "grid";
   list.style.gap = "0.5rem";
-  const none = element("p", { className: "note", textContent: "Nothing here is much brighter than the rest of the room." });
+  const none = element("p", { className: "note", textContent: "No lamps, windows or bright surfaces were found in this room." });
   const button = (text, onclick) => element("button", { type: "button", textContent: text, onclick });
   const sun = { sun: { azimuth_deg: -40, elevation_deg: 40, strength: 3, angle_deg: 1, kelvin: 5500 } };
   const guessed = guessedLight(page, act);
@@ -46,7 +46,7 @@ export function lightsPanel(page) {
   };
 }
 
-/** Above the middle of what is seen, half a metre over the camera. */
+/** Returns the position of a new lamp: 1.5 m ahead of the camera and 0.6 m above it. */
 function overhead(page) {
   const [x, y, z] = page.scene.up;
   return [0.6 * x, 0.6 * y, 0.6 * z - 1.5];
@@ -76,7 +76,7 @@ function lightRow(page, act, { id, kind, origin }) {
     return () => made.show(read());
   };
   const shows = [];
-  // Stops, as exposures are counted.
+  // In stops, like exposure.
   shows.push(slider("Brightness", -4, 4, 0.1, () => Math.log2(Math.max(light.changed.scale, 1 / 16)),
     (stops) => change({ scale: Number((2 ** stops).toPrecision(4)) })));
   const color = field("Colour", element("input", { type: "color" }));
@@ -92,12 +92,12 @@ function lightRow(page, act, { id, kind, origin }) {
       light: id,
       new: { sun: { azimuth_deg: light.sun_deg[0], elevation_deg: light.sun_deg[1], strength: light.irradiance, angle_deg: 2 * light.angular_radius_deg, kelvin: light.color_temperature_k ?? 5500, ...part } },
     });
-    shows.push(slider("From right, °", -180, 180, 1, () => light.sun_deg[0], (value) => now({ azimuth_deg: value })));
-    shows.push(slider("Height, °", -10, 90, 1, () => light.sun_deg[1], (value) => now({ elevation_deg: value })));
-    shows.push(slider("Width, °", 0.2, 20, 0.1, () => 2 * light.angular_radius_deg, (value) => now({ angle_deg: value })));
+    shows.push(slider("Azimuth, °", -180, 180, 1, () => light.sun_deg[0], (value) => now({ azimuth_deg: value })));
+    shows.push(slider("Elevation, °", -10, 90, 1, () => light.sun_deg[1], (value) => now({ elevation_deg: value })));
+    shows.push(slider("Diameter, °", 0.2, 20, 0.1, () => 2 * light.angular_radius_deg, (value) => now({ angle_deg: value })));
   } else {
     const axes = ["x", "y", "z"].map((axis) => element("input", { type: "number", step: 0.05, "aria-label": `${axis} of light ${id}, metres` }));
-    fields.append(element("label", { textContent: "Place, m" }), element("div", { className: "row" }, ...axes));
+    fields.append(element("label", { textContent: "Position, m" }), element("div", { className: "row" }, ...axes));
     axes.forEach((axis) => axis.addEventListener("change", () => {
       const at = axes.map((other) => other.valueAsNumber);
       if (at.every(Number.isFinite)) act(change({ at_m: at }));

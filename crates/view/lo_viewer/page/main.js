@@ -1,75 +1,60 @@
-// The page: hears the program, shows what it says, and wires the parts.
+// The page: receives the program's messages, updates the page, and connects its parts.
 
-import { byId, element, say } from "./dom.js";
+import { byId, element, showMessage } from "./dom.js";
 import { listen } from "./gestures.js";
 import { drawHandles, drawWhite } from "./handles.js";
+import { ImageView, LUMINANCE_LEGEND } from "./image_view.js";
 import { lightsPanel } from "./lights.js";
 import { objectsPanel } from "./objects.js";
 import { outsideView } from "./outside.js";
-import { LUMINANCE_LEGEND, Picture } from "./picture.js";
 import { probePanel } from "./probe.js";
 import { connect } from "./server.js";
+import { figures, page } from "./store.js";
 import { timelinePanel } from "./timeline.js";
 import { listenForFiles, save } from "./uploads.js";
 
-const STEPS = { moving: "draft", resting: "normal quality", final: "high quality: as insert writes it" };
+const STEPS = { moving: "draft", resting: "normal quality", final: "high quality: identical to the output of insert" };
 
-/** How many pictures the figures of a movement are of. */
+/** Number of drafts that the measurements of a movement cover. */
 const MEASURED = 200;
-/** The panels are brought up to date this often at most, milliseconds. */
+/** Minimum interval between updates of the panels, milliseconds. */
 const PANELS_MS = 100;
 
-const page = {
-  scene: null,
-  view: null,
-  change: 0,
-  materials: [],
-  selectedId: null,
-  hovered: null,
-  picking: null,
-  exposure: 0,
-  selected: () => page.view?.objects.find((object) => object.id === page.selectedId) ?? null,
-  isOpen: () => page.scene !== null,
-  /** Whether what stands in the photo may be lost. */
-  mayLeave: () => !page.view?.objects.length || confirm("What stands in this photo is lost. Open another one?"),
-};
-// For tests and the curious: what was measured while something moved.
-const figures = { latencies_ms: [], frames_at_ms: [], sent: new Map(), shown: null };
+// For tests.
 globalThis.viewer = { page, figures };
 
 const stage = byId("stage");
 const handles = byId("handles");
-const picture = new Picture(byId("picture"), shownFrame);
+const imageView = new ImageView(byId("picture"), onFrameShown);
 let sequence = 0;
-let waiting = null;
+let pendingPreview = null;
 let panelsTimer = null;
 let panelsAt = -PANELS_MS;
 
-const tellServer = connect(hear, () => setAt("connecting"));
-/** Shows what a command comes to; at most once for each picture of the screen. */
+const sendToServer = connect(receive, () => setScreen("connecting"));
 page.preview = (command) => {
-  const isFirst = waiting === null;
-  waiting = { command, at: performance.now() };
+  const isFirst = pendingPreview === null;
+  pendingPreview = { command, at: performance.now() };
   if (isFirst) requestAnimationFrame(sendPreview);
 };
 function sendPreview() {
-  if (!waiting) return;
+  if (!pendingPreview) return;
   sequence += 1;
-  figures.sent.set(sequence, waiting.at);
-  tellServer({ type: "preview", command: waiting.command, sequence });
-  waiting = null;
+  figures.sent.set(sequence, pendingPreview.at);
+  sendToServer({ type: "preview", command: pendingPreview.command, sequence });
+  pendingPreview = null;
 }
 page.seek = (time_s) => {
   sequence += 1;
   figures.sent.set(sequence, performance.now());
-  tellServer({ type: "seek", time_s, sequence });
+  sendToServer({ type: "seek", time_s, sequence });
 };
 page.send = (message) => {
-  // What waits to be previewed belongs before what keeps it, and goes with what drops it.
+  // A pending preview is sent before the message that commits it, and dropped by a cancel.
   if (message.type === "commit" || message.type === "command") sendPreview();
-  if (message.type === "cancel") waiting = null;
-  const isSaid = tellServer(message);
-  if (!isSaid && message.type !== "probe" && message.type !== "outside") say("there is no connection to the program", true);
+  if (message.type === "cancel") pendingPreview = null;
+  const isSent = sendToServer(message);
+  if (!isSent && message.type !== "probe" && message.type !== "outside") showMessage("not connected to the program", true);
 };
 
 page.select = (id) => {
@@ -101,7 +86,7 @@ page.redraw = () => {
     isDrawing = false;
     if (!page.scene) return;
     const ratio = devicePixelRatio;
-    const gesture = page.gesture?.();
+    const gesture = page.gesture();
     const active = gesture?.handle ?? null;
     const scale = handles.width / page.scene.camera.width;
     const hovered = gesture ? null : page.view?.objects.find((object) => object.id === page.hovered?.id);
@@ -113,7 +98,7 @@ page.redraw = () => {
   });
 };
 
-page.keys = {
+Object.assign(page.keys, {
   n: () => {
     const ids = (page.view?.objects ?? []).map((object) => object.id);
     if (ids.length) page.select(ids[(ids.indexOf(page.selectedId) + 1) % ids.length]);
@@ -123,7 +108,7 @@ page.keys = {
   f: () => setOverlay(byId("overlay").value === "luminance" ? "" : "luminance"),
   0: () => setExposure(0),
   "?": () => byId("help").showModal(),
-};
+});
 
 listenForFiles(page);
 const probe = probePanel(page);
@@ -131,10 +116,10 @@ const showObjects = objectsPanel(page);
 const showLights = lightsPanel(page);
 const timeline = timelinePanel(page);
 listen(stage, page);
-const outside = outsideView(page, picture, () => probe.shown_m);
+const outside = outsideView(page, imageView, () => probe.shown_m);
 viewer.outside = outside;
 
-function hear(message, pictures) {
+function receive(message, images) {
   switch (message.type) {
     case "hello":
       page.materials = message.materials;
@@ -143,7 +128,7 @@ function hear(message, pictures) {
       page.scene = page.view = null;
       byId("open-error").textContent = message.error ?? "";
       byId("open-text").hidden = !message.can_estimate;
-      setAt("empty");
+      setScreen("empty");
       break;
     case "opening":
       page.scene = page.view = null;
@@ -151,7 +136,7 @@ function hear(message, pictures) {
       byId("opening-stage").textContent = message.stage || "reading";
       if (message.done === null) byId("opening-progress").removeAttribute("value");
       else byId("opening-progress").value = message.done;
-      setAt("opening");
+      setScreen("opening");
       break;
     case "scene":
       openScene(message);
@@ -160,7 +145,7 @@ function hear(message, pictures) {
       showState(message);
       break;
     case "notes":
-      if (message.change === page.change) message.notes.forEach((note) => say(note));
+      if (message.change === page.change) message.notes.forEach((note) => showMessage(note));
       break;
     case "progress":
       if (message.change === page.change) {
@@ -170,59 +155,59 @@ function hear(message, pictures) {
       }
       break;
     case "photo":
-      picture.takePhoto(pictures[0]);
+      imageView.setPhoto(images[0]);
       break;
     case "frame":
-      picture.take(message, pictures[0]);
+      imageView.take(message, images[0]);
       break;
     case "probe":
     case "no-probe":
-      probe.take(message, pictures);
+      probe.take(message, images);
       break;
     case "overlay":
-      takeOverlay(message, pictures[0]);
+      takeOverlay(message, images[0]);
       break;
     case "outside":
-      outside.take(message, pictures[0]);
+      outside.take(message, images[0]);
       break;
     case "film":
-      timeline.film(message);
+      timeline.showDownload(message);
       break;
     case "refused":
-      say(message.why, true);
+      showMessage(message.why, true);
       break;
     default:
   }
 }
 
-function setAt(at) {
+function setScreen(at) {
   document.body.dataset.at = at;
   byId("open").hidden = at !== "empty";
   byId("opening").hidden = at !== "opening";
-  if (at === "connecting") setStatus("no connection to the program; trying again …");
+  if (at === "connecting") setStatus("not connected to the program; reconnecting …");
 }
 
 function openScene(scene) {
   const isNew = page.scene?.scene !== scene.scene;
   page.scene = scene;
   byId("file").textContent = scene.is_saved ? scene.file : `${scene.file} (not saved)`;
-  setAt("scene");
+  setScreen("scene");
   if (isNew) {
     page.selectedId = null;
     page.picking?.(null);
-    picture.forget();
+    imageView.reset();
     probe.shown_m = null;
     outside.reset();
     setOverlay("");
-    scene.notes.forEach((note) => say(note));
+    scene.notes.forEach((note) => showMessage(note));
   }
-  layOut();
+  resizeCanvases();
 }
 
 function showState({ change, view }) {
   if (!page.scene) return;
   const known = new Set(page.view?.objects.map((object) => object.id) ?? view.objects.map((object) => object.id));
-  // Whoever adds something wants to move it next.
+  // An added object is selected, to be moved next.
   const added = view.objects.find((object) => !known.has(object.id));
   page.view = view;
   page.change = change;
@@ -230,7 +215,7 @@ function showState({ change, view }) {
   if (!page.selected()) page.selectedId = null;
   page.redraw();
   outside.again();
-  // What moves needs the processor more than its numbers do.
+  // During a movement, drafts are more important than the panels.
   panelsTimer ??= setTimeout(showPanels, panelsAt + PANELS_MS - performance.now());
 }
 
@@ -250,8 +235,8 @@ function showPanels() {
   timeline.show();
 }
 
-/** A frame is shown. */
-function shownFrame(frame) {
+/** Records latencies and updates the status when a frame is shown. */
+function onFrameShown(frame) {
   const now = performance.now();
   if (frame.step === "moving" && figures.sent.has(frame.sequence)) {
     figures.latencies_ms.push(now - figures.sent.get(frame.sequence));
@@ -261,7 +246,7 @@ function shownFrame(frame) {
   }
   figures.shown = frame;
   if (outside.isOn) page.redraw();
-  timeline.arrived();
+  timeline.frameShown();
   if (frame.change !== page.change) return;
   const isLast = frame.step === "final";
   byId("progress").hidden = isLast || !page.view?.objects.length;
@@ -271,18 +256,18 @@ function shownFrame(frame) {
   else setStatus(movement(now));
 }
 
-/** Pictures a second and latency of the movement at hand. */
+/** Describes the rate and latency of the current movement. */
 function movement(now) {
   const recent = figures.frames_at_ms.filter((at) => now - at < 1000).length;
   const last = figures.latencies_ms[figures.latencies_ms.length - 1];
-  return recent > 1 ? `draft, ${recent} pictures/s, ${Math.round(last)} ms` : "draft";
+  return recent > 1 ? `draft, ${recent} images/s, ${Math.round(last)} ms` : "draft";
 }
 
 function setStatus(text) {
   if (byId("status").textContent !== text) byId("status").textContent = text;
 }
 
-function layOut() {
+function resizeCanvases() {
   if (!page.scene) return;
   const { width, height } = page.scene.camera;
   const box = stage.getBoundingClientRect();
@@ -296,10 +281,10 @@ function layOut() {
     canvas.width = Math.round(shownWidth * devicePixelRatio);
     canvas.height = Math.round(shownHeight * devicePixelRatio);
   }
-  picture.draw();
+  imageView.draw();
   page.redraw();
 }
-new ResizeObserver(layOut).observe(stage);
+new ResizeObserver(resizeCanvases).observe(stage);
 
 function showLegend(lines) {
   const legend = byId("legend");
@@ -313,8 +298,8 @@ function showLegend(lines) {
 
 function setOverlay(what) {
   byId("overlay").value = what;
-  picture.isFalseColour = what === "luminance";
-  picture.lay(null);
+  imageView.isFalseColour = what === "luminance";
+  imageView.setOverlay(null);
   showLegend(what === "luminance" ? LUMINANCE_LEGEND : []);
   if (what && what !== "luminance") page.send({ type: "overlay", what });
   outside.again();
@@ -324,14 +309,14 @@ async function takeOverlay(message, bytes) {
   const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/png" }));
   if (byId("overlay").value !== message.what) return bitmap.close();
   showLegend(message.legend);
-  return picture.lay(bitmap);
+  return imageView.setOverlay(bitmap);
 }
 
 function setExposure(stops) {
-  page.exposure = picture.exposure = stops;
+  page.exposure = imageView.exposure = stops;
   byId("exposure").value = stops;
   byId("exposure-value").textContent = `${stops > 0 ? "+" : ""}${Math.round(10 * stops) / 10} EV`;
-  picture.draw();
+  imageView.draw();
   probe.again();
   outside.again();
 }
@@ -348,24 +333,24 @@ byId("copy").onclick = async () => {
   await navigator.clipboard.writeText(byId("command").textContent);
   const { scene, view } = page;
   const isUnsaved = !scene.is_saved || view.edited;
-  say(isUnsaved ? `copied; save the scene as ${scene.file} before (Save, Scene)` : "copied");
+  showMessage(isUnsaved ? `copied; save the scene as ${scene.file} before you run it (Save, Scene)` : "copied");
 };
 for (const button of document.querySelectorAll("#save button")) {
   button.onclick = () => {
     byId("save").open = false;
-    if (button.dataset.file === "light.exr" && !probe.place) {
-      say("point at the photo first: the light of which place?", true);
+    if (button.dataset.file === "light.exr" && !probe.pixel) {
+      showMessage("point at the photo first, to place the probe", true);
       return;
     }
-    if ("film" in button.dataset) {
-      if (!page.view?.timeline.span_s) say("nothing moves yet: select an object and add keyframes (K)", true);
-      // The browser's own download: it goes to the disk as it is made.
+    if ("sequence" in button.dataset) {
+      if (!page.view?.timeline.span_s) showMessage("nothing is animated yet: select an object and add keyframes (K)", true);
+      // A browser download, which is written to the disk as it is rendered.
       else element("a", { href: `download/${button.dataset.file}`, download: button.dataset.file }).click();
       return;
     }
-    const needsPicture = ["picture.png", "layers.exr"].includes(button.dataset.file);
-    if (needsPicture && page.view?.objects.length) say("as soon as the picture of high quality is finished …");
-    save(button.dataset.file, "probe" in button.dataset && probe.place ? probe.query() : "");
+    const needsImage = ["picture.png", "layers.exr"].includes(button.dataset.file);
+    if (needsImage && page.view?.objects.length) showMessage("the download starts when the high-quality image is finished …");
+    save(button.dataset.file, "probe" in button.dataset && probe.pixel ? probe.query() : "");
   };
 }
 document.addEventListener("click", (event) => {

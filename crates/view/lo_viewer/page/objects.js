@@ -1,4 +1,4 @@
-// The panel of objects: what can be added, what stands there, and the numbers of the selected one.
+// The panel of objects: adding objects, the list, and the properties of the selected one.
 
 import { byId, element, fill, hexFromLinear, linearFromHex, short } from "./dom.js";
 import { putDown } from "./gestures.js";
@@ -11,13 +11,13 @@ const NEW = [
   ["Tea set", { mesh: "builtin:tea-set" }],
 ];
 
-/** Builds the panel; the answer shows a new state. `page` as in `gestures.js`, with `materials` and `pickFile()`. */
+/** Builds the panel. Returns a function that updates it. */
 export function objectsPanel(page) {
   const act = (command) => page.send({ type: "command", command });
   for (const [text, what] of NEW) {
     byId("add").append(element("button", { textContent: text, onclick: (event) => {
       act({ do: "add", ...what });
-      // Who uses a pointer goes on with the picture, and so do the keys.
+      // After a click, the keys apply to the photo.
       if (event.detail) byId("stage").focus();
     } }));
   }
@@ -74,18 +74,18 @@ function propertiesOf(page, act) {
   const select = (options) => element("select", {}, ...options.map(([value, text]) => element("option", { value, textContent: text })));
 
   const [name] = field("Name", element("input", { type: "text", maxLength: 100 }));
-  const position = field("Place, m", number("x", 0.01), number("y", 0.01), number("z", 0.01));
-  const [turn] = field("Turn, °", number("Turn in degrees", 1));
+  const position = field("Position, m", number("x", 0.01), number("y", 0.01), number("z", 0.01));
+  const [turn] = field("Rotation, °", number("Rotation in degrees", 1));
   const [size] = field("Height, m", number("Height in metres", 0.01, { min: 0.001 }));
-  const [align] = field("Upright", select([["gravity", "by gravity"], ["surface", "as its surface"], ["none", "as the picture"]]));
-  const [preset] = field("Material", select([["", "its own"]]));
+  const [align] = field("Align", select([["gravity", "with gravity"], ["surface", "with the surface"], ["none", "with the image"]]));
+  const [preset] = field("Material", select([["", "of the mesh"]]));
   const [color] = field("Colour", element("input", { type: "color" }));
   const [roughness, roughnessNumber] = field("Roughness", share("Roughness"), number("Roughness", 0.01, { min: 0, max: 1 }));
   const [metallic, metallicNumber] = field("Metalness", share("Metalness"), number("Metalness", 0.01, { min: 0, max: 1 }));
   const [gloss, glossNumber] = field("Floor gloss", share("Gloss of the floor"), number("Gloss of the floor", 0.01, { min: 0, max: 1 }));
   const button = (text, title, onclick) => element("button", { type: "button", textContent: text, title, onclick });
   form.append(element("div", { className: "buttons" },
-    button("Put down", "Stand it on the surface that is seen there (G)", () => act(putDown(page.scene.camera, page.selected()))),
+    button("Put down", "Put it on the surface seen there (G)", () => act(putDown(page.scene.camera, page.selected()))),
     button("Duplicate", "Ctrl+D", () => act({ do: "duplicate", object: page.selectedId })),
     button("Delete", "Delete", () => act({ do: "delete", object: page.selectedId }))));
 
@@ -107,7 +107,7 @@ function propertiesOf(page, act) {
   on(align, "change", ({ id }) => ({ do: "align", object: id, align: align.value }));
   on(preset, "change", ({ id }) => ({ do: "material", object: id, material: preset.value ? { preset: preset.value } : null }));
 
-  // Sliders show what they come to while they move, and are one step of the history.
+  // A slider previews while it moves, and is one step of the history.
   const slide = (control, action) => {
     on(control, "input", action);
     control.addEventListener("change", () => page.send({ type: "commit" }));
@@ -135,12 +135,12 @@ function propertiesOf(page, act) {
     const material = object.material ?? {};
     const known = page.materials.find(({ name: other }) => other === material.preset);
     fill(preset, material.preset ?? "");
-    const looks = { base_color: [1, 1, 1], roughness: 0.5, metallic: 0, ...known, ...material };
-    // Of the mesh's own material nothing is known here.
+    const shown = { base_color: [1, 1, 1], roughness: 0.5, metallic: 0, ...known, ...material };
+    // The page does not know the mesh's own material.
     for (const control of [color, roughness, roughnessNumber, metallic, metallicNumber]) control.disabled = !object.material;
-    fill(color, hexFromLinear(looks.base_color));
-    for (const control of [roughness, roughnessNumber]) fill(control, short(looks.roughness));
-    for (const control of [metallic, metallicNumber]) fill(control, short(looks.metallic));
+    fill(color, hexFromLinear(shown.base_color));
+    for (const control of [roughness, roughnessNumber]) fill(control, short(shown.roughness));
+    for (const control of [metallic, metallicNumber]) fill(control, short(shown.metallic));
     for (const control of [gloss, glossNumber]) fill(control, short(page.view.floor_gloss));
   };
 }

@@ -1,88 +1,93 @@
-// The light at the pointer: panorama, mirror ball, and who says what the panorama shows.
+// The light at the pointer: panorama, mirror ball, and provenance.
 
 import { byId, element, short } from "./dom.js";
 
-/** Builds the panel. The answer: `at(pixel)` asks for a place, `take(message, pictures)` shows it, `place` is the last one, `hold()` holds it or lets it go. */
+/**
+ * Builds the panel. Returns `at(pixel)` to request the light above a photo position, `again()` to repeat the request,
+ * `take(message, images)` for responses, `pixel` and `shown_m` (last requested photo position and shown point),
+ * `hold()` to toggle holding, and `query()` for downloads.
+ */
 export function probePanel(page) {
   const panorama = element("canvas", { className: "panorama", role: "img", "aria-label": "Panorama of the light at the pointer" });
   const ball = element("canvas", { className: "ball", role: "img", "aria-label": "Mirror ball at the pointer" });
   const note = element("p", { className: "note", textContent: "Point at the photo." });
   const lift = element("input", { type: "number", value: 0.1, step: 0.05, min: 0, max: 5, id: "probe-lift" });
   const held = element("input", { type: "checkbox", id: "probe-held" });
-  const origins = element("input", { type: "checkbox", id: "probe-origins" });
+  const provenance = element("input", { type: "checkbox", id: "probe-provenance" });
   byId("probe").append(
     element("div", { className: "pictures" }, panorama, ball),
     element("div", { className: "row spread" }, note,
-      element("label", { className: "inline", textContent: "above, m ", htmlFor: "probe-lift" }), lift),
+      element("label", { className: "inline", textContent: "lift, m ", htmlFor: "probe-lift" }), lift),
     element("div", { className: "row spread" },
       element("label", { className: "inline", title: "P" }, held, "hold here (P)"),
-      element("label", { className: "inline", title: "blue: the photo, green: a panorama, orange: guessed" }, origins, "seen or guessed")));
+      element("label", { className: "inline", title: "blue: photo, green: panorama, orange: inferred" }, provenance, "provenance")));
   byId("probe").style.display = "grid";
   byId("probe").style.gap = "0.5rem";
 
   let bitmaps = null;
-  let isAsked = false;
+  let isPending = false;
   let next = null;
-  let patience = 0;
+  let timeout = 0;
   const draw = () => {
     if (!bitmaps) return;
     const show = (canvas, bitmap) => {
       [canvas.width, canvas.height] = [bitmap.width, bitmap.height];
       canvas.getContext("2d").drawImage(bitmap, 0, 0);
     };
-    show(panorama, bitmaps[origins.checked ? 2 : 0]);
+    show(panorama, bitmaps[provenance.checked ? 2 : 0]);
     show(ball, bitmaps[1]);
   };
-  origins.onchange = draw;
+  provenance.onchange = draw;
 
   const probe = {
-    place: null,
-    /** Where the light that is shown is, metres. */
+    /** Last requested photo position. */
+    pixel: null,
+    /** The shown point, metres. */
     shown_m: null,
-    ask(pixel) {
-      probe.place = pixel;
-      // One question at a time: the newest place waits for the answer to the last.
-      if (isAsked) {
+    request(pixel) {
+      probe.pixel = pixel;
+      // One request at a time: the newest position waits for the response to the last.
+      if (isPending) {
         next = pixel;
         return;
       }
-      isAsked = true;
-      clearTimeout(patience);
-      patience = setTimeout(() => answered(), 3000);
+      isPending = true;
+      clearTimeout(timeout);
+      timeout = setTimeout(() => finished(), 3000);
       page.send({ type: "probe", pixel, lift_m: lift.valueAsNumber || 0, exposure_ev: page.exposure });
     },
     at(pixel) {
-      if (!held.checked) probe.ask(pixel);
+      if (!held.checked) probe.request(pixel);
     },
     again() {
-      if (probe.place) probe.ask(probe.place);
+      if (probe.pixel) probe.request(probe.pixel);
     },
     hold() {
       held.checked = !held.checked;
     },
     query() {
-      const [u, v] = probe.place;
+      const [u, v] = probe.pixel;
       return `?u=${u}&v=${v}&lift=${lift.valueAsNumber || 0}`;
     },
-    async take(message, pictures) {
-      answered();
+    async take(message, images) {
+      finished();
       if (message.type === "no-probe") {
-        note.textContent = "No depth is known there.";
+        note.textContent = "The photo has no depth there.";
         probe.shown_m = null;
         return;
       }
-      bitmaps = await Promise.all(pictures.map((bytes) => createImageBitmap(new Blob([bytes], { type: "image/png" }))));
+      bitmaps = await Promise.all(images.map((bytes) => createImageBitmap(new Blob([bytes], { type: "image/png" }))));
       note.textContent = `at ${message.at_m.map(short).join(", ")} m`;
       probe.shown_m = message.at_m;
       draw();
     },
   };
-  const answered = () => {
-    isAsked = false;
+  const finished = () => {
+    isPending = false;
     if (next) {
       const pixel = next;
       next = null;
-      probe.ask(pixel);
+      probe.request(pixel);
     }
   };
   lift.onchange = () => probe.again();

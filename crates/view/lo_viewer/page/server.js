@@ -1,9 +1,12 @@
-// The WebSocket to the program; `protocol.rs` says what goes over it.
+// The WebSocket to the program; `protocol.rs` defines its messages.
 
 const decoder = new TextDecoder();
 
-/** Connects, and again when the connection breaks. `hear(message, pictures)` gets all messages, `lost()` when there is no connection. */
-export function connect(hear, lost) {
+/**
+ * Connects, and reconnects when the connection is lost. Calls `receive(message, images)` for each message, and `lost()`
+ * when the connection is lost. Returns a function that sends a message and returns whether there is a connection.
+ */
+export function connect(receive, lost) {
   let socket = null;
   let wait = 250;
   const open = () => {
@@ -14,17 +17,17 @@ export function connect(hear, lost) {
     socket.onopen = () => { wait = 250; };
     socket.onmessage = ({ data }) => {
       if (typeof data === "string") {
-        hear(JSON.parse(data), []);
+        receive(JSON.parse(data), []);
         return;
       }
       const length = new DataView(data).getUint32(0, true);
       const message = JSON.parse(decoder.decode(new Uint8Array(data, 4, length)));
       let at = 4 + length;
-      const pictures = message.lengths.map((bytes) => {
+      const images = message.lengths.map((bytes) => {
         at += bytes;
         return new Uint8Array(data, at - bytes, bytes);
       });
-      hear(message, pictures);
+      receive(message, images);
     };
     socket.onclose = () => {
       lost();
@@ -33,7 +36,6 @@ export function connect(hear, lost) {
     };
   };
   open();
-  /** Sends a message; `false` where there is no connection. */
   return (message) => {
     const isOpen = socket.readyState === WebSocket.OPEN;
     if (isOpen) socket.send(JSON.stringify(message));

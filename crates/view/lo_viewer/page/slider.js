@@ -1,10 +1,11 @@
-// A slider with its number beside it.
+// A slider with a number field.
 
 import { element, fill, short } from "./dom.js";
 
 /**
- * Builds one. `command(value)` is previewed while the slider moves and kept when it is let go; a typed number is done at
- * once. The answer: `range`, which has the `id`, `root` with both, `show(value)` and `enable(isOn)`.
+ * Builds a slider with a number field. `command(value)` is previewed while the slider moves and committed when it is
+ * released; a typed number is executed at once. Returns `range` (the slider, with the `id`), `root` with both controls,
+ * `show(value)` and `enable(isOn)`.
  */
 export function numberSlider(page, { id, name, min, max, step, command }) {
   const range = element("input", { type: "range", id, min, max, step });
@@ -15,7 +16,7 @@ export function numberSlider(page, { id, name, min, max, step, command }) {
   number.addEventListener("change", () => {
     if (Number.isFinite(number.valueAsNumber)) page.send({ type: "command", command: command(number.valueAsNumber) });
   });
-  // What was refused, or no number, does not stay there.
+  // Restores the value after a refusal or an invalid number.
   number.addEventListener("blur", () => { number.value = shown; });
   return {
     range,

@@ -1,14 +1,17 @@
-// The timeline: a playhead, and of each object that moves its keyframes.
+// The timeline: the playhead, and the keyframes of each animated object.
 
-import { byId, element, fill, say, short } from "./dom.js";
+import { byId, element, fill, short, showMessage } from "./dom.js";
 
-/** Shortest length that is shown, seconds. */
+/** Minimum displayed length, seconds. */
 const LEAST_S = 5;
 
-/** A picture that does not come in this time is not waited for while it plays, milliseconds. */
-const PATIENCE_MS = 600;
+/** During playback, a frame that takes longer is skipped, milliseconds. */
+const TIMEOUT_MS = 600;
 
-/** Builds the strip. `page` as in `gestures.js`, with `seek(time_s)`. The answer: `show()` a new state, `arrived()` a picture, `film(message)`. */
+/**
+ * Builds the timeline. Returns `show()` to update it, `frameShown()`, and `showDownload(message)` for the progress of a
+ * sequence download.
+ */
 export function timelinePanel(page) {
   const strip = byId("timeline");
   const rows = byId("timeline-rows");
@@ -20,7 +23,7 @@ export function timelinePanel(page) {
   let drag = null;
   let length = LEAST_S;
 
-  /** The nearest time of a frame. */
+  /** Rounds to the nearest frame. */
   const snapped = (time) => Math.max(0, Math.round(1e4 * Math.round(time * timeline().fps) / timeline().fps) / 1e4);
   const seconds = (time) => `${time.toFixed(2)} s`;
 
@@ -30,7 +33,7 @@ export function timelinePanel(page) {
   };
   const addKey = () => {
     const object = page.selected();
-    if (!object) return say("select an object first: its keyframe is added", true);
+    if (!object) return showMessage("select an object first, to add its keyframe", true);
     isWanted = true;
     return act({ do: "set-key", object: object.id, time_s: timeline().time_s });
   };
@@ -40,47 +43,46 @@ export function timelinePanel(page) {
     clearTimeout(playing.timer);
     playing = null;
     byId("play").textContent = "Play";
-    // What is looked at stays on a frame.
+    // Stop on a frame.
     page.seek(snapped(timeline().time_s));
   };
-  /** Asks for the picture of now: what the clock passed over is left out. */
+  /** Requests the frame at the clock's current time; earlier ones are skipped. */
   const next = () => {
     const { span_s: span, frames, fps } = timeline();
     if (!playing || !span) return stop();
     const lasts = (frames - 1) / fps || 1;
     const share = ((performance.now() - playing.begun) / 1000 / lasts + playing.from) % 1;
     clearTimeout(playing.timer);
-    playing.timer = setTimeout(next, PATIENCE_MS);
+    playing.timer = setTimeout(next, TIMEOUT_MS);
     page.seek(span[0] + share * (span[1] - span[0]));
     return undefined;
   };
   const play = () => {
     if (playing) return stop();
     const { span_s: span, time_s: time } = timeline();
-    if (!span || span[0] === span[1]) return say("nothing moves yet: add two keyframes (K) at different times", true);
+    if (!span || span[0] === span[1]) return showMessage("nothing is animated yet: add two keyframes (K) at different times", true);
     const from = time > span[0] && time < span[1] ? (time - span[0]) / (span[1] - span[0]) : 0;
     playing = { begun: performance.now(), from, timer: 0 };
     byId("play").textContent = "Stop";
     return next();
   };
-  page.stopPlaying = stop;
 
   Object.assign(page.keys, { k: addKey, " ": play });
   byId("timeline-button").onclick = () => open(strip.hidden);
   byId("play").onclick = play;
   byId("add-key").onclick = addKey;
-  byId("stop-film").onclick = () => page.send({ type: "stop-film" });
+  byId("stop-sequence").onclick = () => page.send({ type: "stop-film" });
   byId("stage").addEventListener("pointerdown", stop);
   playhead.oninput = () => {
     if (playing) stop();
     page.seek(snapped(playhead.valueAsNumber));
   };
-  const sayFrames = () => {
+  const sendFrames = () => {
     const count = (field) => (field.value === "" ? null : Math.round(field.valueAsNumber));
     const fps = count(byId("fps"));
     if (fps) act({ do: "frames", frames: count(byId("frames")), fps });
   };
-  byId("frames").onchange = byId("fps").onchange = sayFrames;
+  byId("frames").onchange = byId("fps").onchange = sendFrames;
   byId("interpolation").onchange = () => page.selected()?.path
     && act({ do: "interpolate", object: page.selectedId, interpolation: byId("interpolation").value });
 
@@ -115,7 +117,7 @@ export function timelinePanel(page) {
   };
   rows.addEventListener("pointerup", () => end(true));
   rows.addEventListener("pointercancel", () => end(false));
-  // By Enter, Space, or a screen reader.
+  // From Enter, Space or a screen reader.
   rows.addEventListener("click", (event) => {
     const key = event.target.closest(".key");
     if (key && event.detail === 0) choose(Number(key.dataset.object), Number(key.dataset.time));
@@ -154,7 +156,7 @@ export function timelinePanel(page) {
       button.dataset.object = object.id;
       button.dataset.time = key.time_s;
       button.setAttribute("aria-label", `Keyframe of ${object.name} at ${short(key.time_s)} s`);
-      button.title = `${short(key.time_s)} s; drag moves it, Delete deletes it`;
+      button.title = `${short(key.time_s)} s; drag to move, Delete to remove`;
       button.classList.toggle("now", Math.abs(key.time_s - timeline().time_s) < 1e-4);
     });
   };
@@ -176,7 +178,7 @@ export function timelinePanel(page) {
     strip.hidden = !(isWanted || span);
     byId("timeline-button").setAttribute("aria-expanded", String(!strip.hidden));
     if (strip.hidden) return;
-    // While a keyframe is dragged, the scale stays.
+    // The scale is fixed while a keyframe is dragged.
     const needed = Math.max(LEAST_S, Math.ceil((span ? span[1] : 0) + 1), Math.ceil(time));
     const isNew = !drag && needed !== length;
     if (isNew) length = needed;
@@ -203,15 +205,15 @@ export function timelinePanel(page) {
 
   return {
     show,
-    arrived: () => playing && requestAnimationFrame(next),
-    film: ({ done, frames, left_s: left, ended }) => {
+    frameShown: () => playing && requestAnimationFrame(next),
+    showDownload: ({ done, frames, left_s: left, ended }) => {
       const isOver = ended !== null || done === frames;
-      byId("film").hidden = isOver;
-      if (ended && ended !== "stopped") say(ended, true);
-      else if (ended) say("stopped; what is written of the file is not whole");
-      byId("film-progress").value = done / frames;
+      byId("sequence").hidden = isOver;
+      if (ended && ended !== "stopped") showMessage(ended, true);
+      else if (ended) showMessage("stopped; the downloaded file is incomplete");
+      byId("sequence-progress").value = done / frames;
       const rest = left === null ? "" : `, ${left < 90 ? `${Math.ceil(left)} s` : `${Math.ceil(left / 60)} min`} left`;
-      byId("film-text").textContent = `picture ${done} of ${frames}${rest}`;
+      byId("sequence-text").textContent = `frame ${done} of ${frames}${rest}`;
     },
   };
 }

@@ -1,8 +1,8 @@
-// Files that the user drops or picks: meshes with what they name, scenes, photos.
+// Uploads and downloads: dropped or chosen meshes with their files, scenes and photos; saved files.
 
-import { byId, element, say } from "./dom.js";
+import { byId, element, showMessage } from "./dom.js";
 
-/** As the program takes them. */
+/** Upload limit of the program, bytes. */
 const MAX_BYTES = 256 * 2 ** 20;
 
 const MESHES = ["glb", "gltf", "obj", "ply", "stl"];
@@ -12,18 +12,18 @@ const PHOTOS = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp", "hdr", "exr"
 const endingOf = (file) => file.name.split(".").pop().toLowerCase();
 
 async function upload(kind, file) {
-  if (file.size > MAX_BYTES) throw new Error(`${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most ${MAX_BYTES / 2 ** 20} MB are taken`);
+  if (file.size > MAX_BYTES) throw new Error(`${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most ${MAX_BYTES / 2 ** 20} MB are accepted`);
   let answer;
   try {
     answer = await fetch(`upload/${kind}`, { method: "POST", body: file, headers: { "X-File-Name": encodeURIComponent(file.name) } });
   } catch {
-    throw new Error(`${file.name} could not be sent: is the program still running?`);
+    throw new Error(`${file.name} could not be uploaded: is the program still running?`);
   }
   if (!answer.ok) throw new Error(await answer.text());
 }
 
-/** Takes what was dropped: a scene, a mesh with its files, or a photo. */
-export async function take(files, page) {
+/** Uploads dropped files: a scene, meshes with their files, or a photo. */
+export async function uploadFiles(files, page) {
   try {
     const of = (endings) => files.filter((file) => endings.includes(endingOf(file)));
     const [scene] = of(SCENES);
@@ -32,23 +32,23 @@ export async function take(files, page) {
     if (meshes.length && page.isOpen()) {
       for (const part of files.filter((file) => !meshes.includes(file))) await upload("part", part);
       for (const mesh of meshes) {
-        const unsay = say(`reading ${mesh.name} …`);
-        await upload("mesh", mesh).finally(unsay);
+        const hide = showMessage(`reading ${mesh.name} …`);
+        await upload("mesh", mesh).finally(hide);
       }
       return undefined;
     }
-    if (meshes.length) throw new Error("open a photo or a scene first, then drop the mesh into it");
+    if (meshes.length) throw new Error("open a photo or a scene first, then drop the mesh");
     const photos = of(PHOTOS);
     if (photos.length === 1) return page.mayLeave() && await upload("photo", photos[0]);
-    if (photos.length > 1) throw new Error("which one is the photo? Use the fields for photo, depth and panorama");
-    throw new Error(`${files.map((file) => file.name).join(", ")}: neither a photo nor a scene nor a mesh (GLB, glTF, OBJ, PLY, STL)`);
+    if (photos.length > 1) throw new Error("more than one photo: use the fields for photo, depth and panorama");
+    throw new Error(`${files.map((file) => file.name).join(", ")}: not a photo, a scene or a mesh (GLB, glTF, OBJ, PLY, STL)`);
   } catch (error) {
-    say(error.message, true);
+    showMessage(error.message, true);
     return undefined;
   }
 }
 
-/** Listens for drops and for the form of what to open. `page.isOpen()` and `page.mayLeave()` say what is there. */
+/** Listens for dropped files and the form to open a photo or scene. Provides `page.pickFile`. */
 export function listenForFiles(page) {
   const hint = byId("drop-hint");
   document.addEventListener("dragover", (event) => {
@@ -62,12 +62,12 @@ export function listenForFiles(page) {
     event.preventDefault();
     hint.hidden = true;
     const files = [...event.dataTransfer.files];
-    if (files.length) take(files, page);
+    if (files.length) uploadFiles(files, page);
   });
 
   const picker = element("input", { type: "file", multiple: true, accept: [...MESHES, "mtl", "bin", "png", "jpg", "jpeg"].map((ending) => `.${ending}`).join(",") });
   picker.onchange = () => {
-    take([...picker.files], page);
+    uploadFiles([...picker.files], page);
     picker.value = "";
   };
   page.pickFile = () => picker.click();
@@ -75,7 +75,7 @@ export function listenForFiles(page) {
   byId("open").onsubmit = async (event) => {
     event.preventDefault();
     const [main] = byId("open-main").files;
-    if (!main) return say("choose a photo or a scene file", true);
+    if (!main) return showMessage("choose a photo or a scene file first", true);
     try {
       if (SCENES.includes(endingOf(main))) return await upload("scene", main);
       for (const kind of ["depth", "depth-model", "panorama"]) {
@@ -85,12 +85,12 @@ export function listenForFiles(page) {
       }
       return await upload("photo", main);
     } catch (error) {
-      return say(error.message, true);
+      return showMessage(error.message, true);
     }
   };
 }
 
-/** Fetches a file that the program makes, and lets the browser save it. */
+/** Downloads a file of the program through the browser. */
 export async function save(file, query) {
   try {
     const answer = await fetch(`download/${file}${query}`);
@@ -99,6 +99,6 @@ export async function save(file, query) {
     element("a", { href: address, download: file }).click();
     setTimeout(() => URL.revokeObjectURL(address), 10000);
   } catch (error) {
-    say(error.message, true);
+    showMessage(error.message, true);
   }
 }

@@ -5,13 +5,13 @@ use crate::origin::PublicOrigin;
 use crate::pool::Pool;
 use crate::session_actor::SessionHandle;
 
-/// State shared by the handlers of requests.
+/// State shared by the request handlers.
 #[derive(Clone)]
 pub(crate) struct App {
     pub session: Arc<SessionHandle>,
     pub token: Arc<str>,
     pub public_origin: Option<Arc<PublicOrigin>>,
     pub estimator: Option<MakeEstimator>,
-    /// Uploaded files that wait for the file that names them.
+    /// Uploaded files held until the file that references them arrives.
     pub pool: Arc<Mutex<Pool>>,
 }

@@ -3,10 +3,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use lightoctree::Event;
 use lo_session::SessionError;
 
-/// Why there is no result.
+/// A job failed.
 pub(crate) enum Failure {
     Session(SessionError),
-    /// A panic.
+    /// The job panicked.
     Panic,
 }
 
@@ -19,12 +19,12 @@ impl std::fmt::Display for Failure {
     }
 }
 
-/// One picture's failure is not the program's end.
+/// Runs a job and turns a panic into a failure, so that the server keeps running.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> Result<T, SessionError>) -> Result<T, Failure> {
     catch_unwind(AssertUnwindSafe(work)).map_err(|_| Failure::Panic)?.map_err(Failure::Session)
 }
 
-/// The stage that an event is of.
+/// Returns the stage of an event.
 pub(crate) fn stage_of(event: &Event) -> Option<&lightoctree::Stage> {
     match event {
         Event::Begun(stage) | Event::Progress { stage, .. } | Event::Done { stage, .. } => Some(stage),

@@ -60,7 +60,8 @@ fn refusal(
         origin.strip_prefix("http://") == Some(host) || public.is_some_and(|public| public.to_string() == origin)
     };
     if text(header::ORIGIN).is_some_and(|origin| !is_own(origin)) {
-        let why = "wrong Origin: only this page may ask here; behind a proxy start the program with --public-origin";
+        let why =
+            "wrong Origin: only this page may send requests; behind a proxy start the program with --public-origin";
         return Some((StatusCode::FORBIDDEN, why));
     }
     let given = uri.path().trim_start_matches('/').split('/').next().unwrap_or_default();
@@ -77,8 +78,8 @@ fn refusal(
     None
 }
 
-/// Whether a host is `localhost` or an IP address. Other names can be made to resolve to this machine by whoever owns
-/// them (DNS rebinding). Any port passes: tunnels change it, and `Origin` has to name the same one.
+/// Returns whether a host is `localhost` or an IP address. Other names can be made to resolve to this machine by
+/// whoever owns them (DNS rebinding). Any port passes: tunnels change it, and `Origin` has to name the same one.
 fn is_of_this_machine(host: &str) -> bool {
     let name = match host.rsplit_once(':') {
         Some((name, port)) if port.parse::<u16>().is_ok() => name,

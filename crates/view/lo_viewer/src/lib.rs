@@ -1,15 +1,15 @@
-//! A session at a scene as a page in a browser: `lightoctree view`.
+//! An editing session as a page in a browser: `lightoctree view`.
 //!
-//! [`run`] serves the page and a WebSocket on this machine alone, unless told otherwise ([`Options::bind`]). Whoever knows the address with its random
-//! token may do everything that the page can; nobody else gets an answer. Requests of other sites' pages and under other names are refused. No path of
-//! the disk is served: the page is part of the program, and what it shows and takes away comes out of memory.
+//! [`run`] serves the page and a WebSocket to this machine only, unless [`Options::bind`] says otherwise. Everyone who
+//! knows the address with its random token has full access; all other requests are refused, including those of other
+//! sites' pages and under other host names. No file of the disk is served: the page is embedded in the program, and
+//! downloads are made in memory.
 //!
-//! [`protocol`] is what page and server say to each other.
+//! [`protocol`] defines the messages between page and server.
 
 mod app;
 mod download;
 mod failure;
-mod film;
 mod guard;
 mod opening;
 mod origin;
@@ -19,6 +19,7 @@ mod page;
 mod pool;
 pub mod protocol;
 mod sequence;
+mod sequence_download;
 mod server;
 mod session_actor;
 mod upload;
@@ -35,50 +36,50 @@ pub use opening::{MakeEstimator, NamedFile, PhotoSource, Source};
 pub use origin::PublicOrigin;
 pub use server::run;
 
-/// Formats what the library reports.
+/// Formats the library's stages and warnings.
 #[derive(Clone, Copy)]
 pub struct EventText {
-    /// A stage's name.
+    /// Returns the label of a stage.
     pub stage: fn(&Stage) -> Cow<'static, str>,
-    /// A warning as a sentence, given the names of the objects.
+    /// Returns a warning as a sentence, given the names of the objects.
     pub warning: fn(&Warning, &[String]) -> String,
 }
 
-/// How a page is served.
+/// Options of the server.
 pub struct Options {
-    /// The address to listen at.
+    /// Address to listen on.
     pub bind: IpAddr,
-    /// The port; 0 for a free one.
+    /// Port; 0 chooses a free one.
     pub port: u16,
-    /// The token in the address; a random one where none is given.
+    /// Token in the address; `None` generates a random one.
     pub token: Option<String>,
-    /// The text of stages and warnings.
+    /// Text of stages and warnings.
     pub text: EventText,
-    /// The address of a proxy through which browsers reach the page.
+    /// Address of a proxy through which browsers reach the page.
     pub public_origin: Option<PublicOrigin>,
-    /// What estimates the scenes of photos; without it only scenes can be opened.
+    /// Creates the estimator for photos; without one, only scenes can be opened.
     pub estimator: Option<MakeEstimator>,
-    /// What is opened first.
+    /// Opened at the start.
     pub source: Option<Source>,
 }
 
 impl Options {
-    /// On this machine alone, at a free port.
+    /// Address for access from this machine only.
     pub const LOOPBACK: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 }
 
-/// Why there is no page.
+/// The server could not be started.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
-    /// The address cannot be had.
-    #[error("cannot listen at {address}: {source}")]
+    /// The address cannot be bound.
+    #[error("cannot listen on {address}: {source}")]
     Bind {
-        /// Which.
+        /// Address and port.
         address: String,
-        /// Why not.
+        /// The cause.
         source: std::io::Error,
     },
-    /// The system has no random numbers, threads or timers.
+    /// The system failed to provide random numbers, threads or timers.
     #[error("cannot start the server: {0}")]
     Start(#[from] std::io::Error),
 }

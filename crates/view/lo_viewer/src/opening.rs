@@ -1,4 +1,4 @@
-//! How a scene comes to be open: from its file, or estimated from a photo.
+//! Opening scenes: from a file, or estimated from a photo.
 
 use std::sync::Arc;
 
@@ -14,65 +14,65 @@ use lo_session::OpenScene;
 
 use crate::EventText;
 
-/// What the command line calls a scene that is in no file yet.
+/// File name of a scene that is not saved yet.
 const NEW_SCENE: &str = "room.scene";
 
-/// Makes what estimates; asked for when a photo comes.
+/// Creates the estimator, called when a photo is opened.
 pub type MakeEstimator = Arc<dyn Fn() -> Result<Estimator, String> + Send + Sync>;
 
-/// Reads a depth network; done when its photo is estimated.
+/// Reads a depth model, called when its photo is estimated.
 #[cfg(feature = "depth-models")]
 pub type ReadDepthModel = Box<dyn FnOnce() -> Result<DepthModel, String> + Send>;
 
-/// What a scene is opened from.
+/// Source of a scene.
 pub enum Source {
-    /// A scene's file.
+    /// A scene file.
     Scene {
-        /// What the command line calls it.
+        /// Path on the command line.
         file: String,
-        /// Its content.
+        /// Content of the file.
         bytes: Vec<u8>,
-        /// Whether the command line finds it under this name.
+        /// Whether the file exists under this path for the command line.
         is_saved: bool,
     },
-    /// A photo, to be estimated.
+    /// A photo to estimate.
     Photo(PhotoSource),
 }
 
-/// A photo with what else is known of the room.
+/// A photo with further inputs.
 pub struct PhotoSource {
-    /// The photo's name and content.
+    /// Name and content of the photo.
     pub photo: NamedFile,
     /// Measured depth of the same view.
     pub depth: Option<NamedFile>,
-    /// Name and reader of a network that predicts depth, where none is measured.
+    /// Name and reader of a depth model, used without measured depth.
     #[cfg(feature = "depth-models")]
     pub depth_model: Option<(String, ReadDepthModel)>,
     /// A panorama of the room.
     pub panorama: Option<NamedFile>,
-    /// Focal lengths and principal point in pixels of the photo, where they are known.
+    /// Focal lengths and principal point (fx, fy, cx, cy), pixels of the photo.
     pub intrinsics: Option<[f64; 4]>,
-    /// What estimates.
+    /// Creates the estimator.
     pub estimator: MakeEstimator,
 }
 
 /// A file in memory.
 pub struct NamedFile {
-    /// Its name, without folders.
+    /// Name without folders.
     pub name: String,
-    /// Its content.
+    /// Content.
     pub bytes: Vec<u8>,
 }
 
-/// An open scene, and what was said on the way.
+/// An opened scene with the warnings of its estimation.
 pub(crate) struct Opened {
-    pub open: OpenScene,
+    pub scene: OpenScene,
     pub is_saved: bool,
     pub notes: Vec<String>,
 }
 
 impl Source {
-    /// What messages call it.
+    /// Returns the file name for messages.
     pub(crate) fn file(&self) -> String {
         match self {
             Self::Scene { file, .. } => file.clone(),
@@ -88,22 +88,22 @@ impl Source {
                 (document, file, is_saved)
             }
             Self::Photo(source) => {
-                let hear = &mut |event: Event| {
+                let collect_warnings = &mut |event: Event| {
                     if let Event::Warning(warning) = &event {
                         notes.push((text.warning)(warning, &[]));
                     }
                     on_event(event)
                 };
-                (estimated(source, hear)?.into(), NEW_SCENE.to_owned(), false)
+                (estimate(source, collect_warnings)?.into(), NEW_SCENE.to_owned(), false)
             }
         };
-        let open = OpenScene::new(file, document);
-        notes.extend(open.fitted.usual().report().fit.warning().iter().map(|warning| (text.warning)(warning, &[])));
-        Ok(Opened { open, is_saved, notes })
+        let scene = OpenScene::new(file, document);
+        notes.extend(scene.fitted.usual().report().fit.warning().iter().map(|warning| (text.warning)(warning, &[])));
+        Ok(Opened { scene, is_saved, notes })
     }
 }
 
-fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, String> {
+fn estimate(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, String> {
     let PhotoSource { photo: NamedFile { name, bytes }, depth, panorama, intrinsics, estimator, .. } = source;
     let photo = imaging::photo_from_bytes(&bytes, &name).map_err(|error| error.to_string())?;
     drop(bytes);
@@ -135,7 +135,7 @@ fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, Str
         .map(|NamedFile { name, bytes }| {
             sources.push(name.clone());
             PanoramaPrior::from_bytes(&bytes, lightoctree::geometry::Orientation::Lightoctree, &name)
-                .map_err(|error| format!("{name} is no panorama of a room: {error}"))
+                .map_err(|error| format!("{name} is not a panorama of a room: {error}"))
         })
         .transpose()?;
     let options = EstimateOptions { sources, panorama, camera_source, ..EstimateOptions::default() };

@@ -11,7 +11,7 @@ pub struct PublicOrigin {
 }
 
 impl PublicOrigin {
-    /// Host with its port, where that is not the scheme's own.
+    /// Returns the host, with its port if that is not the scheme's default.
     pub(crate) fn authority(&self) -> &str {
         &self.authority
     }
@@ -32,9 +32,9 @@ impl FromStr for PublicOrigin {
         if authority.host().is_empty() || rest.contains('@') {
             return Err(wrong());
         }
-        // Browsers leave the scheme's own port out of `Host` and `Origin`.
-        let usual = if is_https { ":443" } else { ":80" };
-        Ok(Self { is_https, authority: rest.strip_suffix(usual).unwrap_or(&rest).to_owned() })
+        // Browsers omit the scheme's default port in `Host` and `Origin`.
+        let default_port = if is_https { ":443" } else { ":80" };
+        Ok(Self { is_https, authority: rest.strip_suffix(default_port).unwrap_or(&rest).to_owned() })
     }
 }
 

@@ -1,4 +1,4 @@
-//! What waits to be sent to one page: of each kind the newest alone, so that a slow page never grows memory.
+//! Pending messages of each page. Only the newest of each kind is kept, so that a slow page does not use up memory.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -7,39 +7,41 @@ use tokio::sync::Notify;
 
 use crate::protocol::{Encoded, ToPage, encoded};
 
-/// Most messages of those that are said once.
-const MAX_SAID: usize = 16;
+/// Maximum number of pending messages that newer ones do not replace.
+const MAX_QUEUED: usize = 16;
 
-/// The messages for one page.
+/// Pending messages for one page.
 #[derive(Default)]
 pub(crate) struct Outbox {
-    waiting: Mutex<Waiting>,
+    pending: Mutex<PendingMessages>,
     arrived: Notify,
 }
 
 #[derive(Default)]
-struct Waiting {
+struct PendingMessages {
+    /// Newest message by slot.
     newest: BTreeMap<u8, Arc<Encoded>>,
-    said: VecDeque<Arc<Encoded>>,
+    /// Messages without a slot, in order.
+    queue: VecDeque<Arc<Encoded>>,
 }
 
 impl Outbox {
     fn put(&self, slot: Option<u8>, message: Arc<Encoded>) {
-        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
         match slot {
-            Some(slot) => drop(waiting.newest.insert(slot, message)),
+            Some(slot) => drop(pending.newest.insert(slot, message)),
             None => {
-                if waiting.said.len() >= MAX_SAID {
-                    waiting.said.pop_front();
+                if pending.queue.len() >= MAX_QUEUED {
+                    pending.queue.pop_front();
                 }
-                waiting.said.push_back(message);
+                pending.queue.push_back(message);
             }
         }
-        drop(waiting);
+        drop(pending);
         self.arrived.notify_one();
     }
 
-    /// The next message, as soon as there is one.
+    /// Waits for the next message.
     pub async fn next(&self) -> Arc<Encoded> {
         loop {
             if let Some(message) = self.take() {
@@ -50,61 +52,61 @@ impl Outbox {
     }
 
     fn take(&self) -> Option<Arc<Encoded>> {
-        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-        let first = waiting.newest.pop_first().map(|(_, message)| message);
-        first.or_else(|| waiting.said.pop_front())
+        let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
+        let first = pending.newest.pop_first().map(|(_, message)| message);
+        first.or_else(|| pending.queue.pop_front())
     }
 }
 
-/// All pages that are open, and what a new one has to know.
+/// All open pages, and the messages that a new one receives first.
 #[derive(Default)]
 pub(crate) struct Pages {
-    open: Mutex<Open>,
+    open: Mutex<OpenPages>,
 }
 
 #[derive(Default)]
-struct Open {
+struct OpenPages {
     outboxes: Vec<Arc<Outbox>>,
-    /// What all were told of scene, state and picture.
-    told: BTreeMap<u8, Arc<Encoded>>,
+    /// Last messages of scene, state and image by slot, for pages that join later.
+    replayed: BTreeMap<u8, Arc<Encoded>>,
 }
 
 impl Pages {
-    fn lock(&self) -> MutexGuard<'_, Open> {
+    fn lock(&self) -> MutexGuard<'_, OpenPages> {
         self.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A new page's, with `hello` and all that the others were told.
+    /// Adds a page. Its outbox starts with `hello` and the current scene, state and image.
     pub fn join(&self, hello: &ToPage) -> Arc<Outbox> {
         let outbox = Arc::new(Outbox::default());
-        tell(&outbox, hello, &[]);
+        send(&outbox, hello, &[]);
         let mut open = self.lock();
-        open.told.iter().for_each(|(&slot, message)| outbox.put(Some(slot), message.clone()));
+        open.replayed.iter().for_each(|(&slot, message)| outbox.put(Some(slot), message.clone()));
         open.outboxes.push(outbox.clone());
         outbox
     }
 
-    /// A page is gone.
+    /// Removes a page.
     pub fn leave(&self, outbox: &Arc<Outbox>) {
         self.lock().outboxes.retain(|other| !Arc::ptr_eq(other, outbox));
     }
 
-    /// How many there are.
+    /// Returns the number of open pages.
     pub fn count(&self) -> usize {
         self.lock().outboxes.len()
     }
 
-    /// Tells all of them.
-    pub fn tell(&self, message: &ToPage, pictures: &[&[u8]]) {
-        let (slot, encoded) = (message.slot(), Arc::new(encoded(message, pictures)));
+    /// Sends a message to all pages.
+    pub fn send(&self, message: &ToPage, images: &[&[u8]]) {
+        let (slot, encoded) = (message.slot(), Arc::new(encoded(message, images)));
         let mut open = self.lock();
         match (message, slot) {
-            // Another scene, or none: what was told of the last one is over.
+            // Another scene, or none: messages of the previous one are obsolete.
             (ToPage::Empty { .. } | ToPage::Opening { .. } | ToPage::Scene(_), Some(slot)) => {
-                open.told = BTreeMap::from([(slot, encoded.clone())]);
+                open.replayed = BTreeMap::from([(slot, encoded.clone())]);
             }
             (ToPage::State { .. } | ToPage::Notes { .. } | ToPage::Photo { .. } | ToPage::Frame { .. }, Some(slot)) => {
-                open.told.insert(slot, encoded.clone());
+                open.replayed.insert(slot, encoded.clone());
             }
             _ => {}
         }
@@ -112,9 +114,9 @@ impl Pages {
     }
 }
 
-/// Tells one page.
-pub(crate) fn tell(outbox: &Outbox, message: &ToPage, pictures: &[&[u8]]) {
-    outbox.put(message.slot(), Arc::new(encoded(message, pictures)));
+/// Sends a message to one page.
+pub(crate) fn send(outbox: &Outbox, message: &ToPage, images: &[&[u8]]) {
+    outbox.put(message.slot(), Arc::new(encoded(message, images)));
 }
 
 #[cfg(test)]
@@ -126,19 +128,19 @@ mod tests {
         let pages = Pages::default();
         let hello = ToPage::Hello { version: "", materials: Vec::new() };
         let outbox = pages.join(&hello);
-        let picture = vec![0; 1 << 20];
+        let image = vec![0; 1 << 20];
         for change in 0..1000 {
             let frame = ToPage::Frame {
                 change,
                 sequence: 0,
-                step: lo_session::Step::Moving,
+                step: lo_session::RenderStep::Moving,
                 mime: "image/jpeg",
                 at: None,
-                lengths: [picture.len()],
+                lengths: [image.len()],
                 took_ms: 0.0,
             };
-            pages.tell(&frame, &[&picture]);
-            pages.tell(&ToPage::Refused { why: change.to_string() }, &[]);
+            pages.send(&frame, &[&image]);
+            pages.send(&ToPage::Refused { why: change.to_string() }, &[]);
         }
         let mut held = Vec::new();
         while let Some(message) = outbox.take() {
@@ -148,16 +150,16 @@ mod tests {
             Encoded::Text(text) => text.clone(),
             Encoded::Binary(bytes) => String::from_utf8_lossy(&bytes[4..60]).into_owned(),
         };
-        assert_eq!(held.len(), 2 + MAX_SAID);
+        assert_eq!(held.len(), 2 + MAX_QUEUED);
         assert!(text(&held[0]).contains("hello"));
         assert!(text(&held[1]).contains("\"change\":999"), "{}", text(&held[1]));
-        assert!(text(&held[1 + MAX_SAID]).contains("999"));
-        // Who comes later sees the picture at hand, until there is none.
+        assert!(text(&held[1 + MAX_QUEUED]).contains("999"));
+        // A page that joins later receives the current image, until there is none.
         let late = pages.join(&hello);
         assert!(late.take().is_some_and(|message| text(&message).contains("hello")));
         assert!(late.take().is_some_and(|message| text(&message).contains("\"change\":999")));
         assert!(late.take().is_none());
-        pages.tell(&ToPage::Empty { error: None, can_estimate: true }, &[]);
+        pages.send(&ToPage::Empty { error: None, can_estimate: true }, &[]);
         let latest = pages.join(&hello);
         assert_eq!(std::iter::from_fn(|| latest.take()).count(), 2);
         [outbox, late, latest].iter().for_each(|outbox| pages.leave(outbox));

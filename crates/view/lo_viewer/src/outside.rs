@@ -1,17 +1,17 @@
-//! Who looks at the room from outside: each page from its own place, the newest one.
+//! Requests for images of the room from outside: one per page, the newest.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use lightoctree::imaging;
-use lo_session::{LitScenes, Outside, OutsideView, State};
+use lo_session::{LitSceneCache, OutsideRenderer, OutsideView, State};
 
 use crate::failure::guarded;
-use crate::outbox::{Outbox, tell};
-use crate::protocol::{MOVING_QUALITY, ToPage};
+use crate::outbox::{Outbox, send};
+use crate::protocol::{DRAFT_JPEG_QUALITY, ToPage};
 
-/// What a page asks for.
+/// A page's request for an image.
 pub(crate) struct OutsideRequest {
     pub outbox: Arc<Outbox>,
     pub sequence: u64,
@@ -19,30 +19,30 @@ pub(crate) struct OutsideRequest {
     pub state: Arc<State>,
 }
 
-/// What the pages wait for, one picture each, whoever has waited longest first.
+/// Pending requests of all pages, at most one per page, oldest first.
 #[derive(Default)]
 pub(crate) struct OutsideQueue {
-    waiting: Mutex<Waiting>,
+    pending: Mutex<PendingRequests>,
     changed: Condvar,
 }
 
 #[derive(Default)]
-struct Waiting {
-    looks: VecDeque<OutsideRequest>,
+struct PendingRequests {
+    requests: VecDeque<OutsideRequest>,
     is_over: bool,
 }
 
 impl OutsideQueue {
-    fn lock(&self) -> MutexGuard<'_, Waiting> {
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, PendingRequests> {
+        self.pending.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Asks for a picture; it takes the place of the last one that the page asked for.
-    pub fn ask(&self, look: OutsideRequest) {
-        let mut waiting = self.lock();
-        match waiting.looks.iter_mut().find(|other| Arc::ptr_eq(&other.outbox, &look.outbox)) {
-            Some(last) => *last = look,
-            None => waiting.looks.push_back(look),
+    /// Enqueues a request, replacing a pending one of the same page.
+    pub fn request(&self, request: OutsideRequest) {
+        let mut pending = self.lock();
+        match pending.requests.iter_mut().find(|other| Arc::ptr_eq(&other.outbox, &request.outbox)) {
+            Some(last) => *last = request,
+            None => pending.requests.push_back(request),
         }
         self.changed.notify_all();
     }
@@ -54,38 +54,38 @@ impl OutsideQueue {
     }
 
     fn next(&self) -> Option<OutsideRequest> {
-        let mut waiting = self.lock();
+        let mut pending = self.lock();
         loop {
-            if waiting.is_over {
+            if pending.is_over {
                 return None;
             }
-            if let Some(look) = waiting.looks.pop_front() {
-                return Some(look);
+            if let Some(request) = pending.requests.pop_front() {
+                return Some(request);
             }
-            waiting = self.changed.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+            pending = self.changed.wait(pending).unwrap_or_else(PoisonError::into_inner);
         }
     }
 
-    fn is_passed(&self, outbox: &Arc<Outbox>) -> bool {
-        let waiting = self.lock();
-        waiting.is_over || waiting.looks.iter().any(|other| Arc::ptr_eq(&other.outbox, outbox))
+    fn is_superseded(&self, outbox: &Arc<Outbox>) -> bool {
+        let pending = self.lock();
+        pending.is_over || pending.requests.iter().any(|other| Arc::ptr_eq(&other.outbox, outbox))
     }
 
-    /// Draws what the pages ask for, until the end.
-    pub fn serve(&self, scenes: &Arc<LitScenes>) {
-        let mut outside = Outside::new(scenes.clone());
+    /// Renders requests until [`OutsideQueue::end`].
+    pub fn serve(&self, scenes: &Arc<LitSceneCache>) {
+        let mut outside = OutsideRenderer::new(scenes.clone());
         while let Some(OutsideRequest { outbox, sequence, view, state }) = self.next() {
             let begun = Instant::now();
-            let why = match guarded(|| outside.picture(&state, &view, &|| self.is_passed(&outbox))) {
+            let why = match guarded(|| outside.render(&state, &view, &|| self.is_superseded(&outbox))) {
                 Ok(None) => continue,
                 Ok(Some(image)) => {
                     let (mime, name) =
                         if view.still { ("image/png", "outside.png") } else { ("image/jpeg", "outside.jpg") };
-                    match imaging::encode_srgb8(name, &image, MOVING_QUALITY, "lightoctree view") {
+                    match imaging::encode_srgb8(name, &image, DRAFT_JPEG_QUALITY, "lightoctree view") {
                         Ok(bytes) => {
                             let took_ms = 1e3 * begun.elapsed().as_secs_f64();
                             let message = ToPage::Outside { sequence, mime, lengths: [bytes.len()], took_ms };
-                            tell(&outbox, &message, &[&bytes]);
+                            send(&outbox, &message, &[&bytes]);
                             continue;
                         }
                         Err(error) => error.to_string(),
@@ -93,7 +93,7 @@ impl OutsideQueue {
                 }
                 Err(error) => error.to_string(),
             };
-            tell(&outbox, &ToPage::Refused { why }, &[]);
+            send(&outbox, &ToPage::Refused { why }, &[]);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The page, which is part of the program.
+//! The page, embedded in the program.
 
 use axum::extract::Path;
 use axum::http::{StatusCode, header};
@@ -6,8 +6,8 @@ use axum::response::{IntoResponse, Response};
 
 const INDEX: &str = include_str!("../page/index.html");
 
-/// Name, media type and content of what the page is made of.
-const FILES: [(&str, &str, &str); 17] = [
+/// Name, media type and content of the page's files.
+const FILES: [(&str, &str, &str); 22] = [
     ("icon.svg", "image/svg+xml", include_str!("../page/icon.svg")),
     ("style.css", "text/css; charset=utf-8", include_str!("../page/style.css")),
     ("main.js", SCRIPT, include_str!("../page/main.js")),
@@ -16,13 +16,18 @@ const FILES: [(&str, &str, &str); 17] = [
     ("gestures.js", SCRIPT, include_str!("../page/gestures.js")),
     ("guessed.js", SCRIPT, include_str!("../page/guessed.js")),
     ("handles.js", SCRIPT, include_str!("../page/handles.js")),
+    ("image_view.js", SCRIPT, include_str!("../page/image_view.js")),
     ("lights.js", SCRIPT, include_str!("../page/lights.js")),
     ("objects.js", SCRIPT, include_str!("../page/objects.js")),
+    ("orbit.js", SCRIPT, include_str!("../page/orbit.js")),
     ("outside.js", SCRIPT, include_str!("../page/outside.js")),
-    ("picture.js", SCRIPT, include_str!("../page/picture.js")),
+    ("outside_images.js", SCRIPT, include_str!("../page/outside_images.js")),
+    ("outside_input.js", SCRIPT, include_str!("../page/outside_input.js")),
+    ("outside_lines.js", SCRIPT, include_str!("../page/outside_lines.js")),
     ("probe.js", SCRIPT, include_str!("../page/probe.js")),
     ("server.js", SCRIPT, include_str!("../page/server.js")),
     ("slider.js", SCRIPT, include_str!("../page/slider.js")),
+    ("store.js", SCRIPT, include_str!("../page/store.js")),
     ("timeline.js", SCRIPT, include_str!("../page/timeline.js")),
     ("uploads.js", SCRIPT, include_str!("../page/uploads.js")),
 ];
@@ -36,6 +41,6 @@ pub(crate) async fn index() -> Response {
 pub(crate) async fn file(Path((_, name)): Path<(String, String)>) -> Response {
     match FILES.iter().find(|(file, ..)| *file == name) {
         Some(&(_, media_type, text)) => ([(header::CONTENT_TYPE, media_type)], text).into_response(),
-        None => (StatusCode::NOT_FOUND, "the page has no such file").into_response(),
+        None => (StatusCode::NOT_FOUND, "no such file").into_response(),
     }
 }

@@ -1,205 +1,207 @@
-//! What page and server say to each other over the WebSocket.
+//! Messages between page and server over the WebSocket.
 //!
-//! The page sends one [`FromPage`] as JSON in a text message. The server sends one [`ToPage`] as JSON, in a text message where that is all; where pictures
-//! belong to it, in a binary message: the length of the JSON as a 32-bit little-endian number, the JSON, then the pictures one after the other, whose
-//! lengths the JSON tells.
+//! The page sends [`FromPage`] as JSON in text messages. The server sends [`ToPage`] as JSON: in a text message without
+//! images, else in a binary message. The latter holds the length of the JSON as a 32-bit little-endian integer, the
+//! JSON, then the images, whose lengths are in the JSON.
 
 use std::ops::RangeInclusive;
 
 use lightoctree::geometry::Camera;
-use lo_session::{Command, OutsideView, Overlay, RoomExtent, SessionView, Step};
+use lo_session::{Command, OutsideView, Overlay, RenderStep, RoomExtent, SessionView};
 use serde::{Deserialize, Serialize};
 
-/// JPEG quality of pictures of what moves.
-pub(crate) const MOVING_QUALITY: u8 = 88;
+/// JPEG quality of drafts.
+pub(crate) const DRAFT_JPEG_QUALITY: u8 = 88;
 
-/// Longest message from a page, bytes.
+/// Maximum length of a page's message, bytes.
 pub const MAX_MESSAGE: usize = 64 << 10;
 
-/// Exposures that a page may ask for, stops.
+/// Accepted exposures, stops.
 pub const EXPOSURES_EV: RangeInclusive<f32> = -20.0..=20.0;
 
-/// What a page says.
+/// A message from the page.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum FromPage {
-    /// Does something, as a step of the history.
+    /// Executes a command as one step of the history.
     Command {
-        /// What.
+        /// The command.
         command: Command,
     },
-    /// Shows what a command comes to, as part of a gesture that is kept or dropped.
+    /// Previews a command as part of a gesture.
     Preview {
-        /// What.
+        /// The command.
         command: Command,
-        /// The page's own number of the message, which the picture of it tells.
+        /// Number of the message; images refer to it.
         sequence: u64,
     },
-    /// Keeps the gesture.
+    /// Commits the gesture.
     Commit,
-    /// Drops the gesture.
+    /// Cancels the gesture.
     Cancel,
-    /// Takes the last step back.
+    /// Undoes the last step.
     Undo,
-    /// Takes the last undone step again.
+    /// Redoes the last undone step.
     Redo,
-    /// OutsideQueue at another time.
+    /// Moves to another time.
     Seek {
-        /// When, seconds.
+        /// The time, seconds.
         time_s: f64,
-        /// The page's own number of the message, which the picture of it tells.
+        /// Number of the message; images refer to it.
         sequence: u64,
     },
-    /// Gives up the frames or the video that are being taken away.
-    StopFilm,
-    /// Asks for the light at a place.
+    /// Cancels the download of frames or a video.
+    #[serde(rename = "stop-film")]
+    StopSequence,
+    /// Requests the light at a point.
     Probe {
-        /// The photo position that it is above.
+        /// Photo position of the surface below the point.
         pixel: [f64; 2],
-        /// How far off that surface, metres.
+        /// Distance from the surface, metres.
         lift_m: f32,
-        /// Stops by which the pictures are brightened.
+        /// Exposure of the images, stops.
         exposure_ev: f32,
     },
-    /// Asks for an overlay.
+    /// Requests an overlay.
     Overlay {
-        /// Of what.
+        /// The overlay.
         what: Overlay,
     },
-    /// Asks for a picture of the room from outside. It takes the place of the last one that the page asked for, even while that is drawn.
+    /// Requests an image of the room from outside. Replaces the page's previous request, even while that is rendered.
     Outside {
-        /// The page's own number of the message, which the picture tells.
+        /// Number of the request; the image refers to it.
         sequence: u64,
-        /// From where.
+        /// The view.
         view: OutsideView,
     },
-    /// Gives up what is being opened.
+    /// Cancels opening a scene.
     Stop,
-    /// Closes the scene, for another one.
+    /// Closes the scene.
     Close,
 }
 
-/// What the server says.
+/// A message from the server.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "type", rename_all = "kebab-case")]
 pub enum ToPage {
     /// The first message.
     Hello {
-        /// The program's version.
+        /// Version of the program.
         version: &'static str,
-        /// Materials by name.
+        /// Material presets.
         materials: Vec<Preset>,
     },
     /// No scene is open.
     Empty {
-        /// What went wrong with the last one.
+        /// Why the last scene could not be opened.
         error: Option<String>,
-        /// Whether photos can be estimated here.
+        /// Whether this program can estimate photos.
         can_estimate: bool,
     },
     /// A scene is being opened.
     Opening {
-        /// What.
+        /// Name of the file.
         file: String,
-        /// What is being done.
+        /// Current stage.
         stage: String,
-        /// How much of that is done, 0 to 1, where it is known.
+        /// Progress of the stage, 0 to 1, if known.
         done: Option<f64>,
     },
     /// A scene is open.
     Scene(SceneInfo),
-    /// What stands in it.
+    /// The session changed.
     State {
-        /// Number of the change; pictures tell which one they show.
+        /// Number of the change; images refer to it.
         change: u64,
-        /// All of it.
+        /// The session.
         view: Box<SessionView>,
     },
-    /// What the user should know of the picture, in words.
+    /// Warnings about an image.
     Notes {
         /// Number of the change.
         change: u64,
-        /// One by one.
+        /// Warnings as sentences.
         notes: Vec<String>,
     },
-    /// How far the next picture is.
+    /// Progress of the next image.
     Progress {
         /// Number of the change.
         change: u64,
-        /// Which picture.
-        step: Step,
-        /// What is being done.
+        /// Rendering step.
+        step: RenderStep,
+        /// Current stage.
         stage: String,
-        /// How much of that is done, 0 to 1.
+        /// Progress of the stage, 0 to 1.
         done: f64,
     },
-    /// The photo that parts of pictures lie on, JPEG.
+    /// The photo that patches are laid over, JPEG.
     Photo {
-        /// Its length in bytes.
+        /// Length of the image, bytes.
         lengths: [usize; 1],
     },
-    /// A picture, or what differs in it from [`ToPage::Photo`].
+    /// An image, or the region of it that differs from [`ToPage::Photo`].
     Frame {
-        /// Number of the change that it shows.
+        /// Number of the change that the image shows.
         change: u64,
-        /// The last preview's number that went into it.
+        /// Number of the last preview that the image shows.
         sequence: u64,
-        /// Which picture.
-        step: Step,
+        /// Rendering step.
+        step: RenderStep,
         /// `image/jpeg` or `image/png`.
         mime: &'static str,
-        /// Where on [`ToPage::Photo`] it lies, column and row of its first pixel; `None` for a whole picture.
+        /// Column and row on [`ToPage::Photo`] of the region's first pixel; `None` for a whole image.
         at: Option<[usize; 2]>,
-        /// Its length in bytes.
+        /// Length of the image, bytes.
         lengths: [usize; 1],
-        /// How long the server worked at it, milliseconds.
+        /// Rendering time, milliseconds.
         took_ms: f64,
     },
-    /// The light at a place: panorama, mirror ball, and who says what the panorama shows, all PNG.
+    /// The light at a point: panorama, mirror ball, and provenance of the panorama, PNG.
     Probe {
-        /// The photo position.
+        /// Photo position of the request.
         pixel: [f64; 2],
-        /// The place, metres.
+        /// The point, metres.
         at_m: [f32; 3],
-        /// Their lengths in bytes.
+        /// Lengths of the images, bytes.
         lengths: [usize; 3],
     },
-    /// There is no surface at the place of the probe.
+    /// There is no surface at the requested position.
     NoProbe,
     /// An overlay, PNG.
     Overlay {
-        /// Of what.
+        /// The overlay.
         what: Overlay,
-        /// Colours (CSS) and what they mean.
+        /// CSS colours and their meanings.
         legend: Vec<(String, String)>,
-        /// Its length in bytes.
+        /// Length of the image, bytes.
         lengths: [usize; 1],
     },
-    /// The room from outside.
+    /// An image of the room from outside.
     Outside {
-        /// The number of the message that asked for it.
+        /// Number of the request.
         sequence: u64,
-        /// `image/jpeg` while the view moves, `image/png` when it is still.
+        /// `image/jpeg` during a movement, `image/png` at rest.
         mime: &'static str,
-        /// Its length in bytes.
+        /// Length of the image, bytes.
         lengths: [usize; 1],
-        /// How long the server worked at it, milliseconds.
+        /// Rendering time, milliseconds.
         took_ms: f64,
     },
-    /// How far the frames or the video are that are being taken away.
-    Film {
-        /// Pictures that are finished.
+    /// Progress of a sequence download.
+    #[serde(rename = "film")]
+    SequenceProgress {
+        /// Finished frames.
         done: usize,
-        /// Of how many.
+        /// Total number of frames.
         frames: usize,
-        /// How long the rest will take, seconds, once that can be told.
+        /// Estimated remaining time, seconds, if known.
         left_s: Option<f64>,
-        /// Why it ended before, if it did.
+        /// Why the download ended early.
         ended: Option<String>,
     },
-    /// What was asked for was not done.
+    /// A message was refused, or an image could not be rendered.
     Refused {
-        /// Why.
+        /// The reason.
         why: String,
     },
 }
@@ -207,32 +209,32 @@ pub enum ToPage {
 /// An open scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct SceneInfo {
-    /// Its number; another scene has another one.
+    /// Unique number of the opened scene.
     pub scene: u64,
-    /// What the command line calls its file.
+    /// Path of the scene file on the command line.
     pub file: String,
-    /// Whether that file is there; else it is to be saved first.
+    /// Whether that file exists; otherwise the scene must be saved first.
     pub is_saved: bool,
-    /// The camera, in pixels of the photo.
+    /// Camera, in pixels of the photo.
     pub camera: Camera,
     /// Unit vector against gravity, in the camera's frame.
     pub up: [f32; 3],
-    /// About where the room is.
+    /// Approximate extent of the room.
     pub extent: RoomExtent,
-    /// Whether depth is predicted.
+    /// Whether the depth is predicted, not measured.
     pub predicted_depth: bool,
-    /// Whether a panorama gave some of its light.
+    /// Whether a panorama contributed light.
     pub has_panorama: bool,
-    /// What was said while it was opened.
+    /// Warnings of opening the scene.
     pub notes: Vec<String>,
 }
 
-/// A material by name.
+/// A material preset.
 #[derive(Clone, Debug, Serialize)]
 pub struct Preset {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// Linear RGB.
+    /// Linear RGB base colour.
     pub base_color: [f32; 3],
     /// 0 dielectric … 1 metal.
     pub metallic: f32,
@@ -241,18 +243,19 @@ pub struct Preset {
 }
 
 impl FromPage {
-    /// Whether a newer message of this kind takes its place.
-    pub fn is_passing(&self) -> bool {
+    /// Returns whether a newer message of this kind makes this one obsolete.
+    pub fn is_replaceable(&self) -> bool {
         matches!(self, Self::Preview { .. } | Self::Seek { .. } | Self::Probe { .. } | Self::Outside { .. })
     }
 }
 
 impl ToPage {
-    /// What a newer message takes the place of; smaller ones are sent first. `None` for what is said once.
+    /// Returns the slot of the outbox, where a newer message replaces an older one. Lower slots are sent first. `None`
+    /// if the message is never replaced.
     pub(crate) fn slot(&self) -> Option<u8> {
         Some(match self {
             Self::Hello { .. } => 0,
-            // One of them is the case.
+            // Mutually exclusive.
             Self::Empty { .. } | Self::Opening { .. } | Self::Scene(_) => 1,
             Self::State { .. } => 2,
             Self::Notes { .. } => 3,
@@ -262,13 +265,13 @@ impl ToPage {
             Self::Probe { .. } | Self::NoProbe => 7,
             Self::Overlay { .. } => 8,
             Self::Outside { .. } => 9,
-            Self::Film { .. } => 10,
+            Self::SequenceProgress { .. } => 10,
             Self::Refused { .. } => return None,
         })
     }
 }
 
-/// A message with its pictures, encoded.
+/// An encoded message with its images.
 #[derive(Clone, Debug)]
 pub(crate) enum Encoded {
     Text(String),
@@ -276,15 +279,15 @@ pub(crate) enum Encoded {
 }
 
 /// Encodes a message.
-pub(crate) fn encoded(message: &ToPage, pictures: &[&[u8]]) -> Encoded {
-    let json = serde_json::to_string(message).expect("messages hold names and numbers, which can be written as JSON");
-    if pictures.is_empty() {
+pub(crate) fn encoded(message: &ToPage, images: &[&[u8]]) -> Encoded {
+    let json = serde_json::to_string(message).expect("messages consist of names and numbers, which always serialize");
+    if images.is_empty() {
         return Encoded::Text(json);
     }
-    let mut bytes = Vec::with_capacity(4 + json.len() + pictures.iter().map(|picture| picture.len()).sum::<usize>());
+    let mut bytes = Vec::with_capacity(4 + json.len() + images.iter().map(|image| image.len()).sum::<usize>());
     bytes.extend((json.len() as u32).to_le_bytes());
     bytes.extend(json.as_bytes());
-    pictures.iter().for_each(|picture| bytes.extend(*picture));
+    images.iter().for_each(|image| bytes.extend(*image));
     Encoded::Binary(bytes)
 }
 
@@ -329,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_stand_behind_the_json() {
+    fn images_follow_the_json() {
         let message = ToPage::Refused { why: "no".into() };
         let Encoded::Binary(bytes) = encoded(&message, &[b"one", b"two"]) else { panic!() };
         let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;

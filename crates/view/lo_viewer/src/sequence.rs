@@ -1,4 +1,4 @@
-//! Sequences that a page takes away: made frame by frame while the browser takes them in, so that no more than one waits in memory.
+//! Sequence downloads, rendered frame by frame at the browser's pace, so that at most a few chunks are in memory.
 
 use std::io::{self, BufWriter, Write};
 use std::ops::ControlFlow;
@@ -21,24 +21,24 @@ use crate::failure::{Failure, guarded};
 use crate::protocol::ToPage;
 use crate::worker::Worker;
 
-/// Bytes that are written at once at least.
+/// Minimum size of a chunk, bytes.
 const CHUNK: usize = 1 << 16;
 
-/// Pieces that wait for the browser.
-const WAITING: usize = 4;
+/// Maximum number of chunks that wait for the browser.
+const MAX_PENDING_CHUNKS: usize = 4;
 
-/// What it is written as.
+/// File format of a sequence download.
 #[derive(Clone, Copy)]
-pub(crate) enum Kind {
+pub(crate) enum SequenceFormat {
     /// PNG files in a tar archive.
     Frames,
     /// YUV4MPEG2.
     Video,
 }
 
-impl Kind {
-    /// By the file's name.
-    pub fn of(file: &str) -> Option<Self> {
+impl SequenceFormat {
+    /// Returns the format of a file name.
+    pub fn from_name(file: &str) -> Option<Self> {
         match file {
             "frames.tar" => Some(Self::Frames),
             "video.y4m" => Some(Self::Video),
@@ -47,98 +47,109 @@ impl Kind {
     }
 }
 
-/// Begins a sequence; the answer's body grows as it is made.
-pub(crate) fn download(work: &Arc<Worker>, kind: Kind, file: &str) -> Response {
-    let state = work.state();
+/// Starts a sequence download. The response body is streamed while frames are rendered.
+pub(crate) fn download(worker: &Arc<Worker>, format: SequenceFormat, file: &str) -> Response {
+    let state = worker.state();
     if state.span_s().is_none() {
-        return (StatusCode::CONFLICT, "nothing moves yet: add a keyframe first").into_response();
+        return (StatusCode::CONFLICT, "nothing is animated yet: add a keyframe first").into_response();
     }
-    if work.film.is_running.swap(true, Ordering::SeqCst) {
-        return (StatusCode::CONFLICT, "frames or a video are being taken away already").into_response();
+    if worker.sequence_download.is_running.swap(true, Ordering::SeqCst) {
+        return (StatusCode::CONFLICT, "another download of frames or a video is in progress").into_response();
     }
-    work.film.is_stopped.store(false, Ordering::SeqCst);
-    let (pieces, receiver) = channel(WAITING);
-    let work = work.clone();
+    worker.sequence_download.is_stopped.store(false, Ordering::SeqCst);
+    let (chunks, receiver) = channel(MAX_PENDING_CHUNKS);
+    let worker = worker.clone();
     tokio::task::spawn_blocking(move || {
         let frames = state.sequence_frames() as usize;
         let mut done = 0;
-        let made = guarded(|| Ok(made(&work, &state, kind, &pieces, &mut done)));
-        let ended = match made {
+        let result = guarded(|| Ok(write_sequence(&worker, &state, format, &chunks, &mut done)));
+        let ended = match result {
             Ok(Ok(())) => None,
             Ok(Err(error)) => Some(error),
             Err(failure) => Some(failure.to_string()),
         };
         if let Some(why) = &ended {
-            // The browser must not take the part for the whole.
-            let _ = pieces.blocking_send(Err(io::Error::other(why.clone())));
+            // The browser must not take a truncated file for a complete one.
+            let _ = chunks.blocking_send(Err(io::Error::other(why.clone())));
         }
-        work.film.is_running.store(false, Ordering::SeqCst);
-        work.pages.tell(&ToPage::Film { done, frames, left_s: Some(0.0), ended }, &[]);
+        worker.sequence_download.is_running.store(false, Ordering::SeqCst);
+        worker.pages.send(&ToPage::SequenceProgress { done, frames, left_s: Some(0.0), ended }, &[]);
     });
     let disposition = format!("attachment; filename=\"{file}\"");
-    let media_type = match kind {
-        Kind::Frames => "application/x-tar",
-        Kind::Video => "video/x-yuv4mpeg",
+    let media_type = match format {
+        SequenceFormat::Frames => "application/x-tar",
+        SequenceFormat::Video => "video/x-yuv4mpeg",
     };
     (
         [(header::CONTENT_TYPE, media_type.to_owned()), (header::CONTENT_DISPOSITION, disposition)],
-        Body::from_stream(Pieces(receiver)),
+        Body::from_stream(ChunkStream(receiver)),
     )
         .into_response()
 }
 
-fn made(work: &Arc<Worker>, state: &State, kind: Kind, pieces: &Pipe, done: &mut usize) -> Result<(), String> {
-    let told = |failure: Failure| match failure {
+/// Renders and writes all frames; `done` counts them.
+fn write_sequence(
+    worker: &Arc<Worker>,
+    state: &State,
+    format: SequenceFormat,
+    chunks: &ChunkSender,
+    done: &mut usize,
+) -> Result<(), String> {
+    let message = |failure: Failure| match failure {
         Failure::Session(error) if error.is_cancelled() => "stopped".to_owned(),
         failure => failure.to_string(),
     };
-    let sequence = guarded(|| Sequence::new(&work.scenes, state, Quality::Normal)).map_err(told)?;
+    let sequence = guarded(|| Sequence::new(&worker.scenes, state, Quality::Normal)).map_err(message)?;
     let (frames, begun) = (sequence.frames(), Instant::now());
-    work.pages.tell(&ToPage::Film { done: 0, frames, left_s: None, ended: None }, &[]);
-    let target = BufWriter::with_capacity(CHUNK, PipeWriter(pieces));
-    let cannot = |error: io::Error| error.to_string();
-    let mut writer = match kind {
-        Kind::Frames => Writer::Frames(tar::Builder::new(target)),
-        Kind::Video => Writer::Video(Y4mWriter::new(target, sequence.size(), state.fps).map_err(cannot)?),
+    worker.pages.send(&ToPage::SequenceProgress { done: 0, frames, left_s: None, ended: None }, &[]);
+    let target = BufWriter::with_capacity(CHUNK, ChunkWriter(chunks));
+    let io_message = |error: io::Error| error.to_string();
+    let mut writer = match format {
+        SequenceFormat::Frames => SequenceWriter::Frames(tar::Builder::new(target)),
+        SequenceFormat::Video => {
+            SequenceWriter::Video(Y4mWriter::new(target, sequence.size(), state.fps).map_err(io_message)?)
+        }
     };
     for frame in 0..frames {
-        let hear = &mut |_| {
-            let is_over = work.film.is_stopped.load(Ordering::SeqCst) || pieces.is_closed();
+        let on_event = &mut |_| {
+            let is_over = worker.sequence_download.is_stopped.load(Ordering::SeqCst) || chunks.is_closed();
             if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        let composite = guarded(|| sequence.render(frame, hear)).map_err(told)?;
+        let composite = guarded(|| sequence.render(frame, on_event)).map_err(message)?;
         match &mut writer {
-            Writer::Frames(archive) => {
-                let png = outputs::picture(&composite).map_err(|error| error.to_string())?;
-                append(archive, &format!("frame_{frame:04}.png"), &png).map_err(cannot)?;
+            SequenceWriter::Frames(archive) => {
+                let png = outputs::image(&composite).map_err(|error| error.to_string())?;
+                append(archive, &format!("frame_{frame:04}.png"), &png).map_err(io_message)?;
             }
-            Writer::Video(video) => video.add(&composite.image).map_err(cannot)?,
+            SequenceWriter::Video(video) => video.add(&composite.image).map_err(io_message)?,
         }
         *done = frame + 1;
         let left_s = begun.elapsed().as_secs_f64() / *done as f64 * (frames - *done) as f64;
-        work.pages.tell(&ToPage::Film { done: *done, frames, left_s: Some(left_s), ended: None }, &[]);
+        worker.pages.send(&ToPage::SequenceProgress { done: *done, frames, left_s: Some(left_s), ended: None }, &[]);
     }
     match writer {
-        Writer::Frames(archive) => archive.into_inner().and_then(|mut target| target.flush()).map_err(cannot),
-        // It writes its rest when it is dropped; where that fails, the page is gone.
-        Writer::Video(_) => Ok(()),
+        SequenceWriter::Frames(archive) => {
+            archive.into_inner().and_then(|mut target| target.flush()).map_err(io_message)
+        }
+        // The buffer is flushed on drop; that fails only if the page is gone.
+        SequenceWriter::Video(_) => Ok(()),
     }
 }
 
-enum Writer<'a> {
-    Frames(tar::Builder<BufWriter<PipeWriter<'a>>>),
-    Video(Y4mWriter<BufWriter<PipeWriter<'a>>>),
+enum SequenceWriter<'a> {
+    Frames(tar::Builder<BufWriter<ChunkWriter<'a>>>),
+    Video(Y4mWriter<BufWriter<ChunkWriter<'a>>>),
 }
 
-type Pipe = Sender<io::Result<Bytes>>;
+type ChunkSender = Sender<io::Result<Bytes>>;
 
-/// Waits where the browser does not keep up.
-struct PipeWriter<'a>(&'a Pipe);
+/// Sends chunks to the response body; blocks until the browser keeps up.
+struct ChunkWriter<'a>(&'a ChunkSender);
 
-impl Write for PipeWriter<'_> {
+impl Write for ChunkWriter<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let piece = Bytes::copy_from_slice(bytes);
-        self.0.blocking_send(Ok(piece)).map_err(|_| io::Error::other("the page is gone"))?;
+        let chunk = Bytes::copy_from_slice(bytes);
+        self.0.blocking_send(Ok(chunk)).map_err(|_| io::Error::other("the page was closed"))?;
         Ok(bytes.len())
     }
 
@@ -147,9 +158,10 @@ impl Write for PipeWriter<'_> {
     }
 }
 
-struct Pieces(Receiver<io::Result<Bytes>>);
+/// The response body.
+struct ChunkStream(Receiver<io::Result<Bytes>>);
 
-impl Stream for Pieces {
+impl Stream for ChunkStream {
     type Item = io::Result<Bytes>;
 
     fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
@@ -157,7 +169,7 @@ impl Stream for Pieces {
     }
 }
 
-/// Adds a file to a tar archive.
+/// Appends a file to a tar archive.
 pub(crate) fn append(archive: &mut tar::Builder<impl Write>, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut head = tar::Header::new_gnu();
     head.set_size(bytes.len() as u64);

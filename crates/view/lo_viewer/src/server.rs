@@ -14,22 +14,22 @@ use tokio::net::TcpListener;
 
 use crate::app::App;
 use crate::guard::guard;
-use crate::outbox::tell;
+use crate::outbox::send;
 use crate::pool::MAX_UPLOAD;
 use crate::protocol::{Encoded, FromPage, MAX_MESSAGE, ToPage};
 use crate::session_actor::SessionHandle;
 use crate::{Options, ViewError, download, page, upload};
 
-/// Most pages at a time.
+/// Maximum number of open pages.
 const MAX_PAGES: usize = 16;
 
-/// How often one looks whether the program is to end.
-const LOOK: Duration = Duration::from_millis(100);
+/// Interval at which `is_over` is polled.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Serves the page until `is_over`; `on_ready` hears its address.
+/// Serves the page until `is_over` returns `true`. Calls `on_ready` with the page's address.
 ///
 /// # Errors
-/// Where the address cannot be had, or the system lacks threads or random numbers.
+/// If the address cannot be bound, or the system fails to provide threads or random numbers.
 pub fn run(
     options: Options,
     on_ready: impl FnOnce(&str),
@@ -57,7 +57,7 @@ pub fn run(
             App { session, token: token.into(), public_origin, estimator: options.estimator, pool: Arc::default() };
         let ended = async {
             while !is_over() {
-                tokio::time::sleep(LOOK).await;
+                tokio::time::sleep(POLL_INTERVAL).await;
             }
         };
         tokio::select! {
@@ -74,13 +74,13 @@ fn router(app: App) -> Router {
         .route("/{token}/socket", any(socket))
         .route("/{token}/upload/{kind}", post(upload::upload))
         .route("/{token}/download/{file}", get(download::download))
-        .fallback(|| async { (StatusCode::NOT_FOUND, "there is no such page") })
+        .fallback(|| async { (StatusCode::NOT_FOUND, "no such page") })
         .layer(DefaultBodyLimit::max(MAX_UPLOAD))
         .layer(from_fn_with_state(app.clone(), guard))
         .with_state(app)
 }
 
-/// An address that a browser can open: where all interfaces are listened at, this machine's own.
+/// Returns an address that a browser can open: the loopback address if the server listens on all interfaces.
 fn reachable(mut address: SocketAddr) -> SocketAddr {
     if address.ip().is_unspecified() {
         address.set_ip(match address.ip() {
@@ -91,7 +91,7 @@ fn reachable(mut address: SocketAddr) -> SocketAddr {
     address
 }
 
-/// 128 bits in hexadecimal digits.
+/// Generates 128 random bits in hexadecimal.
 fn random_token() -> Result<String, ViewError> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes).map_err(|error| ViewError::Start(std::io::Error::other(error.to_string())))?;
@@ -106,21 +106,24 @@ async fn socket(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
     if app.session.pages.count() >= MAX_PAGES {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages are open").into_response();
     }
-    upgrade.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE).on_upgrade(move |socket| talk(app, socket))
+    upgrade
+        .max_message_size(MAX_MESSAGE)
+        .max_frame_size(MAX_MESSAGE)
+        .on_upgrade(move |socket| serve_socket(app, socket))
 }
 
-/// Carries messages between one page and the desk.
-async fn talk(app: App, mut socket: WebSocket) {
+/// Relays messages between one page and the session.
+async fn serve_socket(app: App, mut socket: WebSocket) {
     let outbox = app.session.join();
     loop {
         tokio::select! {
-            heard = socket.recv() => match heard {
+            received = socket.recv() => match received {
                 Some(Ok(Message::Text(text))) => match serde_json::from_str::<FromPage>(&text) {
-                    Ok(message) => app.session.say(message, &outbox),
-                    Err(error) => tell(&outbox, &ToPage::Refused { why: format!("not understood: {error}") }, &[]),
+                    Ok(message) => app.session.receive(message, &outbox),
+                    Err(error) => send(&outbox, &ToPage::Refused { why: format!("invalid message: {error}") }, &[]),
                 },
                 Some(Ok(Message::Binary(_))) => {
-                    tell(&outbox, &ToPage::Refused { why: "not understood: messages are text".into() }, &[]);
+                    send(&outbox, &ToPage::Refused { why: "invalid message: messages must be text".into() }, &[]);
                 }
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => {}
                 Some(Ok(Message::Close(_)) | Err(_)) | None => break,

@@ -1,4 +1,4 @@
-//! The session at the desk: one thread that hears all pages, opens scenes and carries commands out.
+//! The session thread: receives the messages of all pages, opens scenes and executes commands.
 
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -14,50 +14,50 @@ use lo_session::{Files, OpenScene, Session, SessionError, overlay};
 use crate::EventText;
 use crate::failure::{Failure, guarded, stage_of};
 use crate::opening::{Opened, Source};
-use crate::outbox::{Outbox, Pages, tell};
+use crate::outbox::{Outbox, Pages, send};
 use crate::outside::OutsideRequest;
 use crate::protocol::{FromPage, Preset, SceneInfo, ToPage};
 use crate::worker::{Change, ProbeRequest, Worker};
 
-/// Most messages that wait to be carried out.
+/// Maximum number of pending messages.
 const QUEUE: usize = 256;
 
-/// What the desk hears.
+/// A message to the session thread.
 enum Message {
-    /// A page says something.
+    /// A message from a page.
     Page(FromPage, Arc<Outbox>),
-    /// A mesh was uploaded, which is to stand in the photo.
+    /// An uploaded mesh to add to the photo.
     Mesh(Box<UploadedMesh>),
-    /// A scene is to be opened.
+    /// A request to open a scene.
     Open(Source),
-    /// That is done: number of the attempt, and what came of it.
+    /// Number of the attempt to open a scene, and its result.
     Opened(u64, Result<Box<Opened>, String>),
 }
 
-/// A mesh that a page brings.
+/// A mesh uploaded by a page.
 pub(crate) struct UploadedMesh {
-    /// Its file's name and content.
+    /// Name and content of the file.
     pub file: String,
     pub content: Arc<[u8]>,
-    /// The files that it names.
+    /// Files that the mesh references, by name.
     pub parts: Files,
     pub model: Model,
     pub warnings: Vec<String>,
 }
 
-/// The desk, as other threads know it.
+/// Handle of the session thread.
 pub(crate) struct SessionHandle {
     messages: SyncSender<Message>,
     pub pages: Arc<Pages>,
-    /// The open scene's pictures.
+    /// Worker of the open scene.
     current: Mutex<Option<Arc<Worker>>>,
 }
 
 impl SessionHandle {
-    /// Starts the desk's thread.
+    /// Starts the session thread.
     ///
     /// # Errors
-    /// Where the system has no threads left.
+    /// If the thread cannot be started.
     pub fn start(text: EventText, can_estimate: bool) -> std::io::Result<Arc<Self>> {
         let (messages, receiver) = sync_channel(QUEUE);
         let handle = Arc::new(Self { messages, pages: Arc::default(), current: Mutex::default() });
@@ -70,12 +70,12 @@ impl SessionHandle {
             change: 0,
             sequence: 0,
         };
-        handle.pages.tell(&actor.situation(), &[]);
+        handle.pages.send(&actor.status_message(), &[]);
         std::thread::Builder::new().name("session".into()).spawn(move || actor.serve(&receiver))?;
         Ok(handle)
     }
 
-    /// A page came; it is told all that is.
+    /// Adds a page, which receives the current state.
     pub fn join(&self) -> Arc<Outbox> {
         let preset = |name: &'static str| {
             let Material { base_color: [r, g, b, _], metallic, roughness, .. } = Material::preset(name)?;
@@ -85,9 +85,9 @@ impl SessionHandle {
         self.pages.join(&ToPage::Hello { version: env!("CARGO_PKG_VERSION"), materials })
     }
 
-    /// A page says something. What a newer message takes the place of is dropped where too much waits.
-    pub fn say(&self, message: FromPage, outbox: &Arc<Outbox>) {
-        if message.is_passing() {
+    /// Enqueues a page's message. Replaceable messages are dropped if the queue is full.
+    pub fn receive(&self, message: FromPage, outbox: &Arc<Outbox>) {
+        if message.is_replaceable() {
             match self.messages.try_send(Message::Page(message, outbox.clone())) {
                 Ok(()) | Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
             }
@@ -96,41 +96,41 @@ impl SessionHandle {
         }
     }
 
-    /// Opens a scene.
+    /// Requests to open a scene.
     pub fn open(&self, source: Source) {
         self.send(Message::Open(source));
     }
 
-    /// Stands a mesh into the photo.
-    pub fn stand(&self, mesh: UploadedMesh) {
+    /// Requests to add a mesh to the photo.
+    pub fn add_mesh(&self, mesh: UploadedMesh) {
         self.send(Message::Mesh(Box::new(mesh)));
     }
 
-    /// The open scene's pictures.
+    /// Returns the worker of the open scene.
     pub fn current(&self) -> Option<Arc<Worker>> {
         self.current.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     fn send(&self, message: Message) {
-        // The thread ends with the program alone.
+        // The session thread lives as long as the program.
         let _ = self.messages.send(message);
     }
 
-    fn set_current(&self, work: Option<Arc<Worker>>) {
-        let before = std::mem::replace(&mut *self.current.lock().unwrap_or_else(PoisonError::into_inner), work);
+    fn set_current(&self, worker: Option<Arc<Worker>>) {
+        let before = std::mem::replace(&mut *self.current.lock().unwrap_or_else(PoisonError::into_inner), worker);
         if let Some(before) = before {
             before.end();
         }
     }
 }
 
-/// Who sits at the desk.
+/// State of the session thread.
 struct SessionActor {
     handle: Arc<SessionHandle>,
     text: EventText,
     can_estimate: bool,
     status: Status,
-    /// Number of the last scene that was to be opened.
+    /// Number of the last attempt to open a scene.
     attempt: u64,
     /// Number of the last change.
     change: u64,
@@ -138,11 +138,11 @@ struct SessionActor {
     sequence: u64,
 }
 
-/// What is open.
+/// State of the open scene.
 enum Status {
     Nothing { error: Option<String> },
     Opening { file: String, stop: Arc<AtomicBool> },
-    Scene { session: Box<Session>, work: Arc<Worker>, info: Box<SceneInfo> },
+    Scene { session: Box<Session>, worker: Arc<Worker>, info: Box<SceneInfo> },
 }
 
 impl SessionActor {
@@ -151,8 +151,8 @@ impl SessionActor {
             let mut waiting = vec![first];
             waiting.extend(receiver.try_iter().take(QUEUE));
             for index in 0..waiting.len() {
-                // Of several previews in a row only the last one is shown.
-                let passed = matches!(
+                // Of consecutive previews of one kind, and of consecutive seeks, only the last is shown.
+                let is_superseded = matches!(
                     (&waiting[index], waiting.get(index + 1)),
                     (
                         Message::Page(FromPage::Preview { command, .. }, _),
@@ -162,12 +162,12 @@ impl SessionActor {
                     (&waiting[index], waiting.get(index + 1)),
                     (Message::Page(FromPage::Seek { .. }, _), Some(Message::Page(FromPage::Seek { .. }, _)))
                 );
-                if passed {
+                if is_superseded {
                     continue;
                 }
                 let message = std::mem::replace(&mut waiting[index], Message::Page(FromPage::Stop, Arc::default()));
                 if catch_unwind(AssertUnwindSafe(|| self.handle_message(message))).is_err() {
-                    self.handle.pages.tell(&ToPage::Refused { why: Failure::Panic.to_string() }, &[]);
+                    self.handle.pages.send(&ToPage::Refused { why: Failure::Panic.to_string() }, &[]);
                 }
             }
         }
@@ -176,7 +176,7 @@ impl SessionActor {
     fn handle_message(&mut self, message: Message) {
         match message {
             Message::Page(message, outbox) => self.handle_page(message, &outbox),
-            Message::Mesh(mesh) => self.stand(*mesh),
+            Message::Mesh(mesh) => self.add_mesh(*mesh),
             Message::Open(source) => self.open(source),
             Message::Opened(attempt, opened) => {
                 let is_awaited = matches!(self.status, Status::Opening { .. }) && attempt == self.attempt;
@@ -187,7 +187,7 @@ impl SessionActor {
         }
     }
 
-    fn situation(&self) -> ToPage {
+    fn status_message(&self) -> ToPage {
         match &self.status {
             Status::Nothing { error } => ToPage::Empty { error: error.clone(), can_estimate: self.can_estimate },
             Status::Opening { file, .. } => ToPage::Opening { file: file.clone(), stage: String::new(), done: None },
@@ -206,13 +206,13 @@ impl SessionActor {
             FromPage::Close => {
                 self.handle.set_current(None);
                 self.status = Status::Nothing { error: None };
-                self.handle.pages.tell(&self.situation(), &[]);
+                self.handle.pages.send(&self.status_message(), &[]);
                 return;
             }
             _ => {}
         }
-        let Status::Scene { session, work, .. } = &mut self.status else { return };
-        let done = match message {
+        let Status::Scene { session, worker, .. } = &mut self.status else { return };
+        let result = match message {
             FromPage::Command { command } => session.apply(&command),
             FromPage::Preview { command, sequence } => {
                 self.sequence = sequence;
@@ -222,8 +222,8 @@ impl SessionActor {
                 self.sequence = sequence;
                 session.seek(time_s)
             }
-            FromPage::StopFilm => {
-                work.film.stop();
+            FromPage::StopSequence => {
+                worker.sequence_download.stop();
                 return;
             }
             FromPage::Commit => {
@@ -243,62 +243,65 @@ impl SessionActor {
                 Ok(())
             }
             FromPage::Probe { pixel, lift_m, exposure_ev } => {
-                let usable = lift_m.is_finite() && crate::protocol::EXPOSURES_EV.contains(&exposure_ev);
-                if usable {
-                    work.look(ProbeRequest { pixel, lift_m: lift_m.clamp(0.0, 10.0), exposure_ev });
+                let is_valid = lift_m.is_finite() && crate::protocol::EXPOSURES_EV.contains(&exposure_ev);
+                if is_valid {
+                    worker.request_probe(ProbeRequest { pixel, lift_m: lift_m.clamp(0.0, 10.0), exposure_ev });
                 }
                 return;
             }
             FromPage::Outside { sequence, view } => {
-                match view.check(session.open().up()) {
-                    Ok(()) => {
-                        work.outside.ask(OutsideRequest { outbox: outbox.clone(), sequence, view, state: work.state() })
-                    }
-                    Err(error) => tell(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
+                match view.check(session.scene().up()) {
+                    Ok(()) => worker.outside.request(OutsideRequest {
+                        outbox: outbox.clone(),
+                        sequence,
+                        view,
+                        state: worker.state(),
+                    }),
+                    Err(error) => send(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
                 }
                 return;
             }
             FromPage::Overlay { what } => {
-                let open = session.open().clone();
-                match guarded(|| overlay(&open, what)) {
-                    Ok(made) => {
+                let scene = session.scene().clone();
+                match guarded(|| overlay(&scene, what)) {
+                    Ok(overlay) => {
                         let css = |[r, g, b]: [u8; 3]| format!("rgb({r} {g} {b})");
-                        let legend = made.legend.into_iter().map(|(color, text)| (css(color), text)).collect();
-                        match lightoctree::imaging::encode_rgba8("overlay.png", &made.image, "lightoctree view") {
-                            Ok(png) => tell(outbox, &ToPage::Overlay { what, legend, lengths: [png.len()] }, &[&png]),
-                            Err(error) => tell(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
+                        let legend = overlay.legend.into_iter().map(|(color, text)| (css(color), text)).collect();
+                        match lightoctree::imaging::encode_rgba8("overlay.png", &overlay.image, "lightoctree view") {
+                            Ok(png) => send(outbox, &ToPage::Overlay { what, legend, lengths: [png.len()] }, &[&png]),
+                            Err(error) => send(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
                         }
                     }
-                    Err(error) => tell(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
+                    Err(error) => send(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
                 }
                 return;
             }
             FromPage::Stop | FromPage::Close => return,
         };
-        match done {
+        match result {
             Ok(()) => self.changed(),
-            Err(error) => tell(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
+            Err(error) => send(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
         }
     }
 
-    /// Tells all pages what stands there now, and asks for its picture.
+    /// Sends the changed session to all pages and requests its image.
     fn changed(&mut self) {
-        let Status::Scene { session, work, .. } = &self.status else { return };
+        let Status::Scene { session, worker, .. } = &self.status else { return };
         self.change += 1;
         let (view, state) = (Box::new(session.view()), Arc::new(session.state().clone()));
-        // First: who has been told of a change and downloads something, gets it changed.
-        work.show(Change { number: self.change, sequence: self.sequence, state });
-        self.handle.pages.tell(&ToPage::State { change: self.change, view }, &[]);
+        // Before the pages know of the change: a download that follows must include it.
+        worker.set_change(Change { number: self.change, sequence: self.sequence, state });
+        self.handle.pages.send(&ToPage::State { change: self.change, view }, &[]);
     }
 
-    fn stand(&mut self, mesh: UploadedMesh) {
+    fn add_mesh(&mut self, mesh: UploadedMesh) {
         let UploadedMesh { file, content, parts, model, warnings } = mesh;
         let Status::Scene { session, .. } = &mut self.status else { return };
-        let stood = session
+        let added = session
             .add_mesh(&file, model, content, parts)
             .and_then(|mesh| session.apply(&lo_session::Command::Add { mesh, pixel: None, material: None }));
-        for why in warnings.into_iter().chain(stood.err().map(|error: SessionError| error.to_string())) {
-            self.handle.pages.tell(&ToPage::Refused { why }, &[]);
+        for why in warnings.into_iter().chain(added.err().map(|error: SessionError| error.to_string())) {
+            self.handle.pages.send(&ToPage::Refused { why }, &[]);
         }
         self.changed();
     }
@@ -311,65 +314,66 @@ impl SessionActor {
         self.attempt += 1;
         let (attempt, file, stop) = (self.attempt, source.file(), Arc::new(AtomicBool::new(false)));
         self.status = Status::Opening { file: file.clone(), stop: stop.clone() };
-        self.handle.pages.tell(&self.situation(), &[]);
+        self.handle.pages.send(&self.status_message(), &[]);
         let (handle, text) = (self.handle.clone(), self.text);
-        let work = move || {
-            let mut said = Instant::now();
+        let job = move || {
+            let mut sent = Instant::now();
             let mut last = None;
-            let mut hear = |event: Event| {
+            let mut on_event = |event: Event| {
                 let stage = stage_of(&event).cloned();
                 if let (Some(done), Some(stage)) = (event.fraction(), stage)
-                    && (last.as_ref() != Some(&stage) || said.elapsed() > Duration::from_millis(100))
+                    && (last.as_ref() != Some(&stage) || sent.elapsed() > Duration::from_millis(100))
                 {
-                    said = Instant::now();
+                    sent = Instant::now();
                     let label = (text.stage)(&stage).into_owned();
                     last = Some(stage);
-                    handle.pages.tell(&ToPage::Opening { file: file.clone(), stage: label, done: Some(done) }, &[]);
+                    handle.pages.send(&ToPage::Opening { file: file.clone(), stage: label, done: Some(done) }, &[]);
                 }
                 if stop.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let opened = catch_unwind(AssertUnwindSafe(|| source.open(&text, &mut hear as OnEvent<'_>)));
+            let opened = catch_unwind(AssertUnwindSafe(|| source.open(&text, &mut on_event as OnEvent<'_>)));
             let opened = opened.unwrap_or_else(|_| Err("internal error; see the terminal output".to_owned()));
             handle.send(Message::Opened(attempt, opened.map(Box::new)));
         };
-        if let Err(error) = std::thread::Builder::new().name("opening".into()).spawn(work) {
+        if let Err(error) = std::thread::Builder::new().name("opening".into()).spawn(job) {
             self.status = Status::Nothing { error: Some(error.to_string()) };
-            self.handle.pages.tell(&self.situation(), &[]);
+            self.handle.pages.send(&self.status_message(), &[]);
         }
     }
 
     fn opened(&mut self, opened: Result<Box<Opened>, String>) {
-        let started = opened.and_then(|opened| {
-            let Opened { open, is_saved, notes } = *opened;
-            let open: Arc<OpenScene> = Arc::new(open);
+        let status = opened.and_then(|opened| {
+            let Opened { scene, is_saved, notes } = *opened;
+            let scene: Arc<OpenScene> = Arc::new(scene);
             let info = SceneInfo {
                 scene: self.attempt,
-                file: open.file.clone(),
+                file: scene.file.clone(),
                 is_saved,
-                camera: open.estimate().frame.camera,
-                up: open.up().to_array(),
-                extent: open.extent(),
-                predicted_depth: open.estimate().origin.predicted_depth,
-                has_panorama: open.estimate().panorama.is_some(),
+                camera: scene.estimate().frame.camera,
+                up: scene.up().to_array(),
+                extent: scene.extent(),
+                predicted_depth: scene.estimate().origin.predicted_depth,
+                has_panorama: scene.estimate().panorama.is_some(),
                 notes,
             };
-            let session = Session::new(open.clone()).map_err(|error| format!("{}: {error}", open.file))?;
+            let session = Session::new(scene.clone()).map_err(|error| format!("{}: {error}", scene.file))?;
             let change = Change { number: self.change, sequence: 0, state: Arc::new(session.state().clone()) };
-            let work = Worker::start(open, change, self.handle.pages.clone(), self.text).map_err(|e| e.to_string())?;
-            Ok(Status::Scene { session: Box::new(session), work, info: Box::new(info) })
+            let worker =
+                Worker::start(scene, change, self.handle.pages.clone(), self.text).map_err(|e| e.to_string())?;
+            Ok(Status::Scene { session: Box::new(session), worker, info: Box::new(info) })
         });
-        match started {
-            Ok(at) => {
-                if let Status::Scene { work, .. } = &at {
-                    self.handle.set_current(Some(work.clone()));
+        match status {
+            Ok(status) => {
+                if let Status::Scene { worker, .. } = &status {
+                    self.handle.set_current(Some(worker.clone()));
                 }
-                self.status = at;
-                self.handle.pages.tell(&self.situation(), &[]);
+                self.status = status;
+                self.handle.pages.send(&self.status_message(), &[]);
                 self.changed();
             }
             Err(error) => {
                 self.status = Status::Nothing { error: Some(error) };
-                self.handle.pages.tell(&self.situation(), &[]);
+                self.handle.pages.send(&self.status_message(), &[]);
             }
         }
     }

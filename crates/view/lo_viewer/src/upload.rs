@@ -1,4 +1,4 @@
-//! What a page brings: meshes with the files that they name, scenes, photos with depth and panoramas.
+//! Uploads: meshes with the files that they reference, scenes, and photos with depth and panoramas.
 
 use std::cell::RefCell;
 use std::sync::PoisonError;
@@ -15,10 +15,10 @@ use crate::app::App;
 use crate::session_actor::UploadedMesh;
 use crate::{NamedFile, PhotoSource, Source};
 
-/// The header with a file's name, percent-encoded. Pages of other sites cannot set it without being asked whether they may.
+/// Header with the percent-encoded file name. Other sites' pages cannot set it without a CORS preflight.
 const NAME: &str = "x-file-name";
 
-/// Takes one file in; the answer is empty, or says why not.
+/// Receives a file. The response is empty, or the reason of a refusal.
 pub(crate) async fn upload(
     State(app): State<App>,
     Path((_, kind)): Path<(String, String)>,
@@ -30,7 +30,7 @@ pub(crate) async fn upload(
         return refused(format!("the header {NAME} is missing"));
     };
     let name = percent_decode_str(name).decode_utf8_lossy();
-    // Names without folders: what they are called is all that they are used for.
+    // Folders are dropped: the name only identifies the file.
     let name = name.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
     if name.is_empty() || name.len() > 200 || name.chars().any(char::is_control) {
         return refused("the file has no usable name".to_owned());
@@ -38,7 +38,7 @@ pub(crate) async fn upload(
     let bytes = Vec::from(bytes);
     let pool = || app.pool.lock().unwrap_or_else(PoisonError::into_inner);
     match kind.as_str() {
-        // What a mesh names, or belongs to a photo under these names.
+        // Held until the mesh or photo arrives.
         "part" | "depth" | "depth-model" | "depth-model-config" | "panorama" => {
             let key = if kind == "part" { name } else { format!("{kind}/{name}") };
             match pool().put(key, bytes) {
@@ -53,20 +53,20 @@ pub(crate) async fn upload(
             let parts = std::mem::take(&mut *pool()).files;
             let session = app.session.clone();
             let read = tokio::task::spawn_blocking(move || {
-                // What the mesh names goes with it into the scene's file.
-                let named: RefCell<Files> = RefCell::default();
+                // Referenced files are stored in the scene file, too.
+                let referenced: RefCell<Files> = RefCell::default();
                 let resolve = |part: &str| {
                     let part = part.rsplit(['/', '\\']).next().unwrap_or_default();
                     let bytes =
                         parts.get(part).ok_or_else(|| std::io::Error::other("drop it together with the mesh"))?;
-                    named.borrow_mut().insert(part.to_owned(), bytes.as_slice().into());
+                    referenced.borrow_mut().insert(part.to_owned(), bytes.as_slice().into());
                     Ok(bytes.clone())
                 };
                 let model = Model::from_bytes(&name, &bytes, &resolve, &LoadOptions::default());
                 let model = model.map_err(|error| error.to_string())?;
                 let warnings = model.warnings.iter().map(|warning| format!("{name}: {warning}")).collect();
-                let (content, parts) = (bytes.into(), named.into_inner());
-                session.stand(UploadedMesh { file: name, content, parts, model, warnings });
+                let (content, parts) = (bytes.into(), referenced.into_inner());
+                session.add_mesh(UploadedMesh { file: name, content, parts, model, warnings });
                 Ok::<_, String>(())
             });
             match read.await {
@@ -81,29 +81,29 @@ pub(crate) async fn upload(
         }
         "photo" => {
             let Some(estimator) = app.estimator.clone() else {
-                return refused("this program was built without weights: it opens scenes alone".to_owned());
+                return refused("this program was built without weights, so it opens scenes only".to_owned());
             };
             let mut files = std::mem::take(&mut *pool()).files;
-            let mut given = |kind: &str| {
+            let mut take = |kind: &str| {
                 let key = files.keys().find(|key| key.starts_with(kind)).cloned()?;
                 Some(NamedFile { bytes: files.remove(&key)?, name: key[kind.len()..].to_owned() })
             };
             app.session.open(Source::Photo(PhotoSource {
                 photo: NamedFile { name, bytes },
-                depth: given("depth/"),
+                depth: take("depth/"),
                 #[cfg(feature = "depth-models")]
-                depth_model: given("depth-model/").map(|model| depth_model(model, given("depth-model-config/"))),
-                panorama: given("panorama/"),
+                depth_model: take("depth-model/").map(|model| depth_model(model, take("depth-model-config/"))),
+                panorama: take("panorama/"),
                 intrinsics: None,
                 estimator,
             }));
             StatusCode::NO_CONTENT.into_response()
         }
-        _ => (StatusCode::NOT_FOUND, "there is no such upload").into_response(),
+        _ => (StatusCode::NOT_FOUND, "no such upload").into_response(),
     }
 }
 
-/// A depth network in memory, with what tells its inputs and outputs.
+/// Returns name and reader of an uploaded depth model with its optional config.
 #[cfg(feature = "depth-models")]
 fn depth_model(model: NamedFile, config: Option<NamedFile>) -> (String, crate::ReadDepthModel) {
     use lightoctree::depth_models::{DepthModel, ModelConfig, ModelError};

@@ -1,4 +1,4 @@
-//! The threads that make pictures of one open scene: of what moves, of what rests, of the light at a place, of the room from outside. The newest request of
+//! Rendering threads of one open scene: drafts, refined images, probes and the room from outside. The newest request of
 //! each kind wins.
 
 use std::ops::ControlFlow;
@@ -8,32 +8,34 @@ use std::time::{Duration, Instant};
 use lightoctree::imaging;
 use lightoctree::insert::Composite;
 use lightoctree::{Event, Warning};
-use lo_session::{LitScenes, OpenScene, Part, Probe, Renderer, SessionError, State, Step, outputs, probe_place};
+use lo_session::{
+    ImagePatch, LitSceneCache, OpenScene, Probe, RenderStep, Renderer, SessionError, State, outputs, probe_position,
+};
 
 use crate::EventText;
 use crate::failure::{Failure, guarded, stage_of};
-use crate::film::Film;
 use crate::outbox::Pages;
 use crate::outside::OutsideQueue;
-use crate::protocol::{MOVING_QUALITY, ToPage};
+use crate::protocol::{DRAFT_JPEG_QUALITY, ToPage};
+use crate::sequence_download::SequenceDownload;
 
-/// Nothing changes for this long: it rests.
-const REST: Duration = Duration::from_millis(150);
+/// Refinement starts after this time without a change.
+const REFINE_DELAY: Duration = Duration::from_millis(150);
 
 /// Height of a probe's panorama, pixels.
 const PROBE_HEIGHT: usize = 96;
 
-/// A state to make pictures of.
+/// A state to render.
 #[derive(Clone)]
 pub(crate) struct Change {
-    /// Its number.
+    /// Number of the change.
     pub number: u64,
-    /// The last preview's number that went into it.
+    /// Number of the last preview that it includes.
     pub sequence: u64,
     pub state: Arc<State>,
 }
 
-/// A place whose light is asked for.
+/// A request for the light at a point.
 #[derive(Clone, Copy)]
 pub(crate) struct ProbeRequest {
     pub pixel: [f64; 2],
@@ -41,29 +43,29 @@ pub(crate) struct ProbeRequest {
     pub exposure_ev: f32,
 }
 
-/// What the threads share.
+/// State shared by the rendering threads.
 pub(crate) struct Worker {
-    pub scenes: Arc<LitScenes>,
-    /// Who looks at the room from outside.
+    pub scenes: Arc<LitSceneCache>,
+    /// Requests for images of the room from outside.
     pub outside: OutsideQueue,
-    /// What is being taken away frame by frame.
-    pub film: Film,
+    /// The running sequence download.
+    pub sequence_download: SequenceDownload,
     pub pages: Arc<Pages>,
     text: EventText,
-    wanted: Mutex<Wanted>,
+    state: Mutex<WorkerState>,
     changed: Condvar,
 }
 
-struct Wanted {
+struct WorkerState {
     change: Change,
     since: Instant,
-    /// Number of the change whose moving picture is out, or failed.
-    moved: u64,
-    /// The picture of `insert --quality high`, and of which change.
-    last: Option<(u64, Arc<Composite>)>,
-    /// Why there is none.
+    /// Number of the last change whose draft was sent or failed.
+    drafted: u64,
+    /// Final image, and the number of its change.
+    finished: Option<(u64, Arc<Composite>)>,
+    /// Error, and the number of the change that could not be rendered.
     failed: Option<(u64, String)>,
-    place: Option<ProbeRequest>,
+    probe: Option<ProbeRequest>,
     is_over: bool,
 }
 
@@ -71,151 +73,153 @@ impl Worker {
     /// Starts the threads.
     ///
     /// # Errors
-    /// Where the system has no threads left.
+    /// If a thread cannot be started.
     pub fn start(
-        open: Arc<OpenScene>,
+        scene: Arc<OpenScene>,
         change: Change,
         pages: Arc<Pages>,
         text: EventText,
     ) -> std::io::Result<Arc<Self>> {
-        let (moved, since) = (change.number, Instant::now());
-        let wanted = Wanted { change, since, moved, last: None, failed: None, place: None, is_over: false };
-        let work = Arc::new(Self {
-            scenes: Arc::new(LitScenes::new(open)),
+        let (drafted, since) = (change.number, Instant::now());
+        let state = WorkerState { change, since, drafted, finished: None, failed: None, probe: None, is_over: false };
+        let worker = Arc::new(Self {
+            scenes: Arc::new(LitSceneCache::new(scene)),
             outside: OutsideQueue::default(),
-            film: Film::default(),
+            sequence_download: SequenceDownload::default(),
             pages,
             text,
-            wanted: Mutex::new(wanted),
+            state: Mutex::new(state),
             changed: Condvar::new(),
         });
-        // Each has a pool of its own: what moves must not wait for the tasks of what rests.
+        // One pool per thread: drafts must not wait for tasks of the refinement.
         let threads = rayon::current_num_threads();
         for (name, threads, run) in [
-            ("moving", threads, Self::moving as fn(&Self)),
-            ("resting", threads, Self::resting),
-            ("probe", threads.div_ceil(2), Self::probing),
-            ("outside", threads, |work| work.outside.serve(&work.scenes)),
+            ("draft", threads, Self::run_drafts as fn(&Self)),
+            ("refine", threads, Self::run_refinement),
+            ("probe", threads.div_ceil(2), Self::run_probes),
+            ("outside", threads, |worker| worker.outside.serve(&worker.scenes)),
         ] {
-            let work = work.clone();
+            let worker = worker.clone();
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(std::io::Error::other)?;
-            std::thread::Builder::new().name(name.into()).spawn(move || pool.install(|| run(&work)))?;
+            std::thread::Builder::new().name(name.into()).spawn(move || pool.install(|| run(&worker)))?;
         }
-        Ok(work)
+        Ok(worker)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Wanted> {
-        self.wanted.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, WorkerState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Another state is to be shown.
-    pub fn show(&self, change: Change) {
-        let mut wanted = self.lock();
-        wanted.change = change;
-        wanted.since = Instant::now();
+    /// Sets the state to render.
+    pub fn set_change(&self, change: Change) {
+        let mut shared = self.lock();
+        shared.change = change;
+        shared.since = Instant::now();
         self.changed.notify_all();
     }
 
-    /// The light of another place is to be shown.
-    pub fn look(&self, place: ProbeRequest) {
-        self.lock().place = Some(place);
+    /// Requests the light at another point.
+    pub fn request_probe(&self, probe: ProbeRequest) {
+        self.lock().probe = Some(probe);
         self.changed.notify_all();
     }
 
     /// Ends the threads.
     pub fn end(&self) {
-        self.film.stop();
+        self.sequence_download.stop();
         self.lock().is_over = true;
         self.changed.notify_all();
         self.outside.end();
     }
 
-    /// The state that is shown.
+    /// Returns the current state.
     pub fn state(&self) -> Arc<State> {
         self.lock().change.state.clone()
     }
 
-    /// The final picture of the state at hand, once it is there.
+    /// Waits for the final image of the current state.
     ///
     /// # Errors
-    /// Where it cannot be made, or the state changes before.
-    pub fn last(&self) -> Result<Arc<Composite>, String> {
-        let mut wanted = self.lock();
-        let number = wanted.change.number;
-        if wanted.change.state.objects.is_empty() {
+    /// If it cannot be rendered, or the state changes before.
+    pub fn final_composite(&self) -> Result<Arc<Composite>, String> {
+        let mut shared = self.lock();
+        let number = shared.change.number;
+        if shared.change.state.objects.is_empty() {
             return Err(SessionError::NoObjects.to_string());
         }
         loop {
-            if wanted.is_over || wanted.change.number != number {
-                return Err("the picture changed before it was finished".to_owned());
+            if shared.is_over || shared.change.number != number {
+                return Err("the scene changed before the image was finished".to_owned());
             }
-            match (&wanted.last, &wanted.failed) {
-                (Some((of, picture)), _) if *of == number => return Ok(picture.clone()),
+            match (&shared.finished, &shared.failed) {
+                (Some((of, image)), _) if *of == number => return Ok(image.clone()),
                 (_, Some((of, why))) if *of == number => return Err(why.clone()),
-                _ => wanted = self.changed.wait(wanted).unwrap_or_else(PoisonError::into_inner),
+                _ => shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner),
             }
         }
     }
 
-    fn moving(&self) {
+    fn run_drafts(&self) {
         let mut renderer = Renderer::new(self.scenes.clone());
         let mut is_ready = false;
         loop {
             let change = {
-                let mut wanted = self.lock();
-                while !wanted.is_over && wanted.moved == wanted.change.number {
-                    wanted = self.changed.wait(wanted).unwrap_or_else(PoisonError::into_inner);
+                let mut shared = self.lock();
+                while !shared.is_over && shared.drafted == shared.change.number {
+                    shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner);
                 }
-                if wanted.is_over {
+                if shared.is_over {
                     return;
                 }
-                wanted.change.clone()
+                shared.change.clone()
             };
-            // Not before the first change: pages have heard of the scene then.
+            // After the first change, when the pages know of the scene.
             if !is_ready
                 && let Ok(bytes) =
-                    imaging::encode_srgb8("photo.jpg", renderer.photo(), MOVING_QUALITY, "lightoctree view")
+                    imaging::encode_srgb8("photo.jpg", renderer.photo(), DRAFT_JPEG_QUALITY, "lightoctree view")
             {
-                self.pages.tell(&ToPage::Photo { lengths: [bytes.len()] }, &[&bytes]);
+                self.pages.send(&ToPage::Photo { lengths: [bytes.len()] }, &[&bytes]);
             }
             let begun = Instant::now();
-            // Never broken off: something newer would be broken off, too.
-            match guarded(|| renderer.moving(&change.state, &mut lightoctree::events::ignore)) {
-                Ok(part) => self.send_moving(&change, &part, begun),
+            // Never cancelled: during a movement, no draft would ever finish.
+            match guarded(|| renderer.draft(&change.state, &mut lightoctree::events::ignore)) {
+                Ok(patch) => self.send_draft(&change, &patch, begun),
                 Err(Failure::Session(SessionError::NoObjects)) => self.send_photo(&change, begun),
-                // Who rests says why.
+                // The refinement reports the error.
                 Err(_) => {}
             }
-            self.lock().moved = change.number;
+            self.lock().drafted = change.number;
             self.changed.notify_all();
-            // The photo is out: what the first movement would wait for is made ready now.
+            // The photo is sent: prepare what the first movement would wait for.
             if !is_ready {
-                let _ = guarded(|| renderer.prepare(&change.state, Step::Moving));
+                let _ = guarded(|| renderer.prepare(&change.state, RenderStep::Moving));
                 is_ready = true;
             }
         }
     }
 
-    fn resting(&self) {
+    fn run_refinement(&self) {
         let mut renderer = Renderer::new(self.scenes.clone());
         let mut done = 0;
         loop {
             let change = {
-                let mut wanted = self.lock();
+                let mut shared = self.lock();
                 loop {
-                    if wanted.is_over {
+                    if shared.is_over {
                         return;
                     }
-                    let number = wanted.change.number;
-                    let rested = wanted.since.elapsed();
-                    if number == done || wanted.moved != number {
-                        wanted = self.changed.wait(wanted).unwrap_or_else(PoisonError::into_inner);
-                    } else if rested < REST {
-                        let (next, _) =
-                            self.changed.wait_timeout(wanted, REST - rested).unwrap_or_else(PoisonError::into_inner);
-                        wanted = next;
+                    let number = shared.change.number;
+                    let rested = shared.since.elapsed();
+                    if number == done || shared.drafted != number {
+                        shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner);
+                    } else if rested < REFINE_DELAY {
+                        let (next, _) = self
+                            .changed
+                            .wait_timeout(shared, REFINE_DELAY - rested)
+                            .unwrap_or_else(PoisonError::into_inner);
+                        shared = next;
                     } else {
-                        break wanted.change.clone();
+                        break shared.change.clone();
                     }
                 }
             };
@@ -226,45 +230,45 @@ impl Worker {
         }
     }
 
-    /// The pictures of something that rests, until something newer is wanted.
+    /// Renders the refined images of a change, until a newer one arrives.
     fn refine(&self, renderer: &mut Renderer, change: &Change) {
-        for step in [Step::Resting, Step::Final] {
+        for step in [RenderStep::Resting, RenderStep::Final] {
             let begun = Instant::now();
             let mut warnings: Vec<Warning> = Vec::new();
-            let mut said = Instant::now();
-            let hear = &mut |event: Event| {
+            let mut sent = Instant::now();
+            let on_event = &mut |event: Event| {
                 if let (Some(done), Some(stage)) = (event.fraction(), stage_of(&event))
-                    && said.elapsed() > Duration::from_millis(100)
+                    && sent.elapsed() > Duration::from_millis(100)
                 {
-                    said = Instant::now();
+                    sent = Instant::now();
                     let stage = (self.text.stage)(stage).into_owned();
-                    self.pages.tell(&ToPage::Progress { change: change.number, step, stage, done }, &[]);
+                    self.pages.send(&ToPage::Progress { change: change.number, step, stage, done }, &[]);
                 }
                 if let Event::Warning(warning) = event {
                     warnings.push(warning);
                 }
-                let wanted = self.lock();
-                if wanted.is_over || wanted.change.number != change.number {
+                let shared = self.lock();
+                if shared.is_over || shared.change.number != change.number {
                     ControlFlow::Break(())
                 } else {
                     ControlFlow::Continue(())
                 }
             };
-            match guarded(|| renderer.render(&change.state, step, hear)) {
+            match guarded(|| renderer.render(&change.state, step, on_event)) {
                 Ok(composite) => {
-                    self.send(change, step, &composite, begun);
+                    self.send_image(change, step, &composite, begun);
                     let names: Vec<String> = change.state.objects.iter().map(|object| object.name.clone()).collect();
                     let notes = warnings.iter().map(|warning| (self.text.warning)(warning, &names)).collect();
-                    self.pages.tell(&ToPage::Notes { change: change.number, notes }, &[]);
-                    if step == Step::Final {
-                        self.lock().last = Some((change.number, Arc::new(composite)));
+                    self.pages.send(&ToPage::Notes { change: change.number, notes }, &[]);
+                    if step == RenderStep::Final {
+                        self.lock().finished = Some((change.number, Arc::new(composite)));
                         self.changed.notify_all();
                     }
                 }
                 Err(Failure::Session(error)) if error.is_cancelled() => return,
                 Err(error) => {
                     let why = error.to_string();
-                    self.pages.tell(&ToPage::Refused { why: why.clone() }, &[]);
+                    self.pages.send(&ToPage::Refused { why: why.clone() }, &[]);
                     self.lock().failed = Some((change.number, why));
                     self.changed.notify_all();
                     return;
@@ -273,32 +277,32 @@ impl Worker {
         }
     }
 
-    fn send(&self, change: &Change, step: Step, composite: &Composite, begun: Instant) {
-        match outputs::picture(composite) {
-            Ok(bytes) => self.tell_frame(change, step, "image/png", None, &bytes, begun),
-            Err(error) => self.pages.tell(&ToPage::Refused { why: error.to_string() }, &[]),
+    fn send_image(&self, change: &Change, step: RenderStep, composite: &Composite, begun: Instant) {
+        match outputs::image(composite) {
+            Ok(bytes) => self.send_frame(change, step, "image/png", None, &bytes, begun),
+            Err(error) => self.pages.send(&ToPage::Refused { why: error.to_string() }, &[]),
         }
     }
 
-    fn send_moving(&self, change: &Change, part: &Part, begun: Instant) {
-        match imaging::encode_srgb8("part.jpg", &part.image, MOVING_QUALITY, "lightoctree view") {
-            Ok(bytes) => self.tell_frame(change, Step::Moving, "image/jpeg", Some(part.at), &bytes, begun),
-            Err(error) => self.pages.tell(&ToPage::Refused { why: error.to_string() }, &[]),
+    fn send_draft(&self, change: &Change, patch: &ImagePatch, begun: Instant) {
+        match imaging::encode_srgb8("patch.jpg", &patch.image, DRAFT_JPEG_QUALITY, "lightoctree view") {
+            Ok(bytes) => self.send_frame(change, RenderStep::Moving, "image/jpeg", Some(patch.at), &bytes, begun),
+            Err(error) => self.pages.send(&ToPage::Refused { why: error.to_string() }, &[]),
         }
     }
 
-    /// Without objects the picture is the photo.
+    /// Sends the photo as the final image of a state without objects.
     fn send_photo(&self, change: &Change, begun: Instant) {
-        let photo = &self.scenes.open().estimate().frame.photo;
+        let photo = &self.scenes.scene().estimate().frame.photo;
         if let Ok(bytes) = imaging::encode_photo("photo.jpg", photo, "lightoctree view") {
-            self.tell_frame(change, Step::Final, "image/jpeg", None, &bytes, begun);
+            self.send_frame(change, RenderStep::Final, "image/jpeg", None, &bytes, begun);
         }
     }
 
-    fn tell_frame(
+    fn send_frame(
         &self,
         change: &Change,
-        step: Step,
+        step: RenderStep,
         mime: &'static str,
         at: Option<[usize; 2]>,
         bytes: &[u8],
@@ -313,38 +317,38 @@ impl Worker {
             lengths: [bytes.len()],
             took_ms: 1e3 * begun.elapsed().as_secs_f64(),
         };
-        self.pages.tell(&frame, &[bytes]);
+        self.pages.send(&frame, &[bytes]);
     }
 
-    fn probing(&self) {
+    fn run_probes(&self) {
         let mut probe = Probe::new(self.scenes.clone());
         loop {
-            let (place, state) = {
-                let mut wanted = self.lock();
-                let place = loop {
-                    if wanted.is_over {
+            let (request, state) = {
+                let mut shared = self.lock();
+                let request = loop {
+                    if shared.is_over {
                         return;
                     }
-                    if let Some(place) = wanted.place.take() {
-                        break place;
+                    if let Some(request) = shared.probe.take() {
+                        break request;
                     }
-                    wanted = self.changed.wait(wanted).unwrap_or_else(PoisonError::into_inner);
+                    shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner);
                 };
-                (place, wanted.change.state.clone())
+                (request, shared.change.state.clone())
             };
-            let Some(at) = probe_place(self.scenes.open(), place.pixel, place.lift_m) else {
-                self.pages.tell(&ToPage::NoProbe, &[]);
+            let Some(at) = probe_position(self.scenes.scene(), request.pixel, request.lift_m) else {
+                self.pages.send(&ToPage::NoProbe, &[]);
                 continue;
             };
-            match guarded(|| probe.pictures(&state, at, PROBE_HEIGHT, place.exposure_ev)) {
-                Ok(pictures) => {
-                    let pictures =
-                        [pictures.panorama, pictures.ball, pictures.origins].map(|p| imaging::encode_png(&p));
-                    let lengths = [0, 1, 2].map(|i| pictures[i].len());
-                    let message = ToPage::Probe { pixel: place.pixel, at_m: at.to_array(), lengths };
-                    self.pages.tell(&message, &[&pictures[0], &pictures[1], &pictures[2]]);
+            match guarded(|| probe.images(&state, at, PROBE_HEIGHT, request.exposure_ev)) {
+                Ok(images) => {
+                    let images =
+                        [images.panorama, images.ball, images.provenance].map(|image| imaging::encode_png(&image));
+                    let lengths = [0, 1, 2].map(|i| images[i].len());
+                    let message = ToPage::Probe { pixel: request.pixel, at_m: at.to_array(), lengths };
+                    self.pages.send(&message, &[&images[0], &images[1], &images[2]]);
                 }
-                Err(error) => self.pages.tell(&ToPage::Refused { why: error.to_string() }, &[]),
+                Err(error) => self.pages.send(&ToPage::Refused { why: error.to_string() }, &[]),
             }
         }
     }

@@ -1,4 +1,4 @@
-//! `lightoctree view` as a running program, and what a page says to it.
+//! A running `lightoctree view`, and a page that is connected to it.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tungstenite::{Message, WebSocket};
 
-/// A running `view`; it ends with this.
+/// A running `view`, killed on drop.
 pub struct Viewer {
     child: Child,
     /// `http://127.0.0.1:PORT/TOKEN/`
@@ -17,7 +17,7 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Starts it in a folder and waits for its address.
+    /// Starts the viewer in a folder and waits for its address.
     pub fn start(folder: &Path, args: &[&str]) -> Self {
         let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin("lightoctree"));
         command.current_dir(folder).args(["--quiet", "view"]).args(args).stdout(Stdio::piped());
@@ -28,13 +28,13 @@ impl Viewer {
         Self { child, address: address.trim().to_owned() }
     }
 
-    /// `127.0.0.1:PORT` and `/TOKEN/`.
+    /// Returns `127.0.0.1:PORT` and `/TOKEN/`.
     pub fn host_and_path(&self) -> (&str, &str) {
         let rest = self.address.strip_prefix("http://").unwrap();
         rest.split_at(rest.find('/').unwrap())
     }
 
-    /// Sends a request with these lines behind the first and a body; the answer's status and body.
+    /// Sends a request with header lines and a body. Returns status and body of the response.
     pub fn request(&self, method: &str, path: &str, lines: &[&str], body: &[u8]) -> (u16, Vec<u8>) {
         let (host, _) = self.host_and_path();
         let mut stream = TcpStream::connect(host).unwrap();
@@ -42,7 +42,7 @@ impl Viewer {
         write!(stream, "{method} {path} HTTP/1.1\r\nConnection: close\r\n{}\r\n\r\n", lines.join("\r\n")).unwrap();
         stream.write_all(body).unwrap();
         let mut answer = Vec::new();
-        // Who is refused before all is sent finds the connection closed.
+        // An early refusal closes the connection.
         let _ = stream.read_to_end(&mut answer);
         let end =
             answer.windows(4).position(|window| window == b"\r\n\r\n").unwrap_or(answer.len().saturating_sub(4)) + 4;
@@ -53,7 +53,7 @@ impl Viewer {
         (status, if is_chunked { unchunked(body) } else { body.to_vec() })
     }
 
-    /// Fetches what lies below the token.
+    /// Fetches a path below the token.
     pub fn get(&self, path: &str) -> (u16, Vec<u8>) {
         let (host, token) = self.host_and_path();
         self.request("GET", &format!("{token}{path}"), &[&format!("Host: {host}")], b"")
@@ -78,12 +78,12 @@ impl Viewer {
         Page { socket }
     }
 
-    /// Whether it still runs.
+    /// Returns whether the program is running.
     pub fn is_alive(&mut self) -> bool {
         self.child.try_wait().unwrap().is_none()
     }
 
-    /// Its memory, MB.
+    /// Returns the resident memory, MB.
     pub fn memory_mb(&self) -> f64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
         let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
@@ -104,21 +104,21 @@ pub struct Page {
 }
 
 impl Page {
-    /// Says something.
-    pub fn say(&mut self, message: &Value) {
+    /// Sends a message.
+    pub fn send(&mut self, message: &Value) {
         self.socket.send(Message::text(message.to_string())).unwrap();
     }
 
-    /// Does something, as a step of the history.
+    /// Executes a command as one step of the history.
     pub fn act(&mut self, command: &Value) {
-        self.say(&serde_json::json!({ "type": "command", "command": command }));
+        self.send(&serde_json::json!({ "type": "command", "command": command }));
     }
 
-    /// The next message that is as `is_wanted` asks, with its pictures.
-    pub fn hear(&mut self, what: &str, is_wanted: impl Fn(&Value) -> bool) -> (Value, Vec<u8>) {
+    /// Waits for the next message that `is_wanted` accepts. Returns it with its images.
+    pub fn receive(&mut self, what: &str, is_wanted: impl Fn(&Value) -> bool) -> (Value, Vec<u8>) {
         let begun = Instant::now();
         while begun.elapsed() < Duration::from_secs(300) {
-            let (message, pictures) = match self.socket.read().unwrap() {
+            let (message, images) = match self.socket.read().unwrap() {
                 Message::Text(text) => (serde_json::from_str(&text).unwrap(), Vec::new()),
                 Message::Binary(bytes) => {
                     let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
@@ -128,14 +128,14 @@ impl Page {
             };
             let message: Value = message;
             if is_wanted(&message) {
-                return (message, pictures);
+                return (message, images);
             }
         }
         panic!("waited for {what} in vain");
     }
 }
 
-/// A body that came in pieces (RFC 9112, 7.1), as far as it came.
+/// Decodes a chunked body (RFC 9112, 7.1), as far as it was received.
 fn unchunked(mut body: &[u8]) -> Vec<u8> {
     let mut whole = Vec::new();
     while let Some(end) = body.windows(2).position(|window| window == b"\r\n") {

@@ -1,4 +1,4 @@
-//! The choice of the light that no photo shows.
+//! The choice of light for unobserved regions.
 
 use std::sync::{Arc, LazyLock};
 
@@ -6,11 +6,12 @@ use lightoctree::geometry::Quat;
 use lightoctree::imaging::{Image, Photo, RadianceImage};
 use lightoctree::scene::{Completion, EstimateOrigin, ExpectedLight, Frame, LightChange};
 use lightoctree::{Document, Estimate, GuessedLight, LightEffect, LightMode, LightPurpose, LightTuning, LitScene};
-use lo_session::{Command, LitScenes, OpenScene, Session, SessionError, insert_command, insert_words, outputs};
+use lo_session::{Command, LitSceneCache, OpenScene, Session, SessionError, insert_argv, insert_command, outputs};
 
 use crate::session::{ROOM, SIZE, add};
 
-/// The walls of the session's room with light from above to the right, as a network expects it. The photo's left corner is black, the right one clipped.
+/// The room of `session.rs` with expected light from the upper right. The photo's left corner is black, the right one
+/// clipped.
 pub static GUESSED: LazyLock<Arc<OpenScene>> =
     LazyLock::new(|| Arc::new(OpenScene::new("room.scene", scene(Some(expected())))));
 
@@ -24,7 +25,7 @@ fn expected() -> ExpectedLight {
 
 fn scene(expected: Option<ExpectedLight>) -> Estimate {
     let plain = ROOM.estimate().clone();
-    let Photo::Srgb8(photo) = &plain.frame.photo else { panic!("it is an 8-bit photo") };
+    let Photo::Srgb8(photo) = &plain.frame.photo else { panic!("expected an 8-bit photo") };
     let photo = Image::from_fn(SIZE.0, SIZE.1, |x, y| match (x, y) {
         (0..8, 0..8) => [0; 3],
         (136.., 0..8) => [255; 3],
@@ -43,7 +44,7 @@ fn chosen(session: &Session) -> GuessedLight {
     session.view().guessed_light.chosen
 }
 
-/// Each message with the value that it leads to, one after the other.
+/// Consecutive commands, each with the resulting choice.
 fn steps() -> [(Command, GuessedLight); 6] {
     let usual = LightTuning::default();
     let white = Some([60.5, 80.5]);
@@ -88,12 +89,12 @@ fn each_message_is_a_step_of_the_history() {
         assert!(session.redo());
         assert_eq!(chosen(&session), wanted, "{command:?}");
     }
-    // What was tuned comes back with the light that it has an effect on.
+    // The tuning is kept while a light without effect is chosen.
     session.apply(&Command::GuessedLight { light: LightMode::Plausible }).unwrap();
     assert_eq!(session.state().guessed().tuning.contrast, 0.7);
     session.apply(&Command::ResetLights).unwrap();
     assert_eq!((chosen(&session), session.state().lights.is_empty()), (GuessedLight::default(), true));
-    // A whole drag is one step, and one that comes back is none.
+    // A whole drag is one step; one that ends where it began is none.
     for factor in [1.2, 1.6, 2.0] {
         session.preview(&Command::Contrast { factor }).unwrap();
     }
@@ -107,7 +108,7 @@ fn each_message_is_a_step_of_the_history() {
 }
 
 #[test]
-fn what_cannot_be_chosen_is_refused_and_changes_nothing() {
+fn invalid_choices_are_refused_and_change_nothing() {
     let refused = |session: &mut Session, command: Command, why: &str| {
         let before = session.state().clone();
         for tried in [session.preview(&command), session.apply(&command)] {
@@ -132,12 +133,12 @@ fn what_cannot_be_chosen_is_refused_and_changes_nothing() {
     guessed.apply(&white(60.5, 80.5)).unwrap();
     refused(&mut guessed, white(2.5, 2.5), "black");
     guessed.apply(&Command::GuessedLight { light: LightMode::Expected }).unwrap();
-    refused(&mut guessed, Command::Contrast { factor: 2.0 }, "only plausible light");
+    refused(&mut guessed, Command::Contrast { factor: 2.0 }, "only on plausible light");
     guessed.apply(&Command::GuessedLight { light: LightMode::Even }).unwrap();
     for command in [Command::Warmth { ev: 1.0 }, white(60.5, 80.5), Command::White { pixel: None }] {
         refused(&mut guessed, command, "not even light");
     }
-    // An older scene of a network, and one without a network.
+    // A scene of a network without expected light, and one without a network.
     let mut older = Session::new(Arc::new(OpenScene::new("room.scene", scene(None)))).unwrap();
     assert_eq!(older.view().guessed_light.effect, LightEffect::Fitted);
     for command in [Command::Contrast { factor: 2.0 }, Command::Warmth { ev: 1.0 }, white(60.5, 80.5)] {
@@ -149,7 +150,7 @@ fn what_cannot_be_chosen_is_refused_and_changes_nothing() {
     refused(&mut shell, Command::GuessedLight { light: LightMode::Even }, "all choices are the same");
 }
 
-/// Lit as the command line does it.
+/// Lights the scene as the command line does.
 fn lit(session: &Session) -> LitScene {
     let mut document = GUESSED.document.clone();
     document.light_edits = session.state().lights.clone();
@@ -160,16 +161,16 @@ fn lit(session: &Session) -> LitScene {
 #[test]
 fn scenes_are_lit_as_by_the_command_line() {
     let mut session = session();
-    let scenes = LitScenes::new(GUESSED.clone());
-    assert!(*scenes.of(session.state()).unwrap() == lit(&session));
+    let scenes = LitSceneCache::new(GUESSED.clone());
+    assert!(*scenes.lit(session.state()).unwrap() == lit(&session));
     for (command, _) in steps() {
-        let before = scenes.of(session.state()).unwrap();
+        let before = scenes.lit(session.state()).unwrap();
         session.apply(&command).unwrap();
-        let after = scenes.of(session.state()).unwrap();
+        let after = scenes.lit(session.state()).unwrap();
         assert!(*after == lit(&session), "{command:?}");
         assert!(after.light != before.light, "{command:?}");
     }
-    // With edits of lights, too, whose names do not depend on the choice.
+    // With light edits, too. Ids of lights do not depend on the choice.
     session.apply(&Command::GuessedLight { light: LightMode::Plausible }).unwrap();
     let names = |session: &Session| session.view().lights.into_iter().map(|light| light.listed.id).collect::<Vec<_>>();
     let light = names(&session)[0].clone();
@@ -179,20 +180,20 @@ fn scenes_are_lit_as_by_the_command_line() {
         let known = names(&session);
         session.apply(&Command::Contrast { factor }).unwrap();
         assert_eq!(names(&session), known);
-        assert!(*scenes.of(session.state()).unwrap() == lit(&session), "{factor}");
+        assert!(*scenes.lit(session.state()).unwrap() == lit(&session), "{factor}");
     }
 }
 
 #[test]
 fn a_draft_previews_what_is_fitted_later() {
     let mut session = session();
-    let scenes = LitScenes::new(GUESSED.clone());
+    let scenes = LitSceneCache::new(GUESSED.clone());
     session.apply(&Command::Contrast { factor: 2.0 }).unwrap();
-    let draft = scenes.draft_of(session.state()).unwrap();
-    assert!(Arc::ptr_eq(&draft, &scenes.draft_of(session.state()).unwrap()), "it is held");
-    let fitted = scenes.of(session.state()).unwrap();
-    assert!(Arc::ptr_eq(&fitted, &scenes.draft_of(session.state()).unwrap()), "what is fitted is better");
-    // Half a stop: a preview shows the contrast that was asked for.
+    let draft = scenes.lit_draft(session.state()).unwrap();
+    assert!(Arc::ptr_eq(&draft, &scenes.lit_draft(session.state()).unwrap()), "the draft is cached");
+    let fitted = scenes.lit(session.state()).unwrap();
+    assert!(Arc::ptr_eq(&fitted, &scenes.lit_draft(session.state()).unwrap()), "fitted light replaces the draft");
+    // Within half a stop, so that a preview shows the requested contrast.
     let sum = |scene: &LitScene| scene.light.rgba.last().unwrap().iter().map(|rgba| rgba[1]).sum::<f32>();
     let [draft, fitted] = [sum(&draft), sum(&fitted)];
     assert!((draft / fitted).log2().abs() < 0.5, "{draft} {fitted}");
@@ -204,7 +205,7 @@ fn the_scene_and_the_command_line_keep_the_choice() {
     session.apply(&add("builtin:sphere", [125.5, 90.5])).unwrap();
     let plain = insert_command("room.scene", session.state()).unwrap();
     let options = |session: &Session| {
-        let words = insert_words("room.scene", session.state()).unwrap();
+        let words = insert_argv("room.scene", session.state()).unwrap();
         let from = words.iter().position(|word| word == "--light").unwrap_or(words.len());
         words[from..].iter().take_while(|word| *word != "--quality").cloned().collect::<Vec<_>>().join(" ")
     };
@@ -220,19 +221,19 @@ fn the_scene_and_the_command_line_keep_the_choice() {
     for ((command, _), wanted) in steps().into_iter().zip(wanted) {
         session.apply(&command).unwrap();
         assert_eq!(options(&session), wanted);
-        assert!(!session.view().edited, "the options tell all of it");
+        assert!(!session.view().edited, "the options express the choice completely");
     }
     session.apply(&Command::GuessedLight { light: LightMode::Plausible }).unwrap();
     let saved = Document::from_bytes(&outputs::scene(&GUESSED, session.state()).unwrap()).unwrap();
     assert_eq!(saved.light_edits.guessed, Some(chosen(&session)));
     let mut again = Session::new(Arc::new(OpenScene::new("room.scene", saved))).unwrap();
     assert_eq!((chosen(&again), again.view().edited), (chosen(&session), false));
-    // Against a file that has a choice, the options say even the usual light; without a choice the file is to be saved first.
+    // If the file has a choice, the options state even the default light. Removing the choice requires saving the file.
     for command in [Command::Contrast { factor: 1.0 }, Command::Warmth { ev: 0.0 }] {
         again.apply(&command).unwrap();
     }
     assert_eq!((options(&again).as_str(), again.view().edited), ("--light plausible", false));
     again.apply(&Command::ResetLights).unwrap();
     assert_eq!((options(&again).as_str(), again.view().edited), ("", true));
-    assert!(matches!(again.apply(&Command::Contrast { factor: 9.0 }), Err(SessionError::Number { .. })));
+    assert!(matches!(again.apply(&Command::Contrast { factor: 9.0 }), Err(SessionError::InvalidNumber { .. })));
 }

@@ -1,4 +1,4 @@
-//! The viewer's session, its choice of light, and rooms from outside. One binary, so that it is linked once.
+//! Integration tests of sessions, the choice of light, and the view from outside. One binary, to link only once.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod guessed;

@@ -1,4 +1,4 @@
-//! Views from outside of a closed room of which everything is known: 8³ cells of half a metre about the camera, 3 m wide inside, nothing completed.
+//! Views from outside of a closed, completely known room: 8³ leaves of 0.5 m around the camera, 3 m wide inside.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -10,20 +10,21 @@ use lightoctree::imaging::{Image, Photo, srgb8_from_linear};
 use lightoctree::octree::{LightOctree, key_from_xyz};
 use lightoctree::scene::{Frame, LightChange};
 use lo_session::{
-    Command, LitScenes, OpenScene, Outside, OutsideView, Overlay, Place, Session, SessionError, Size, State, overlay,
+    Command, LitSceneCache, ObjectPosition, ObjectSize, OpenScene, OutsideRenderer, OutsideView, Overlay, Session,
+    SessionError, State, overlay,
 };
 
-/// Radiance of the wall ahead (−z), which the photo sees, of that behind the camera, and of the rest.
+/// Radiance of the wall ahead (−z), which the photo shows, of the wall behind the camera, and of the rest.
 const AHEAD: [f32; 3] = [0.2, 0.5, 0.1];
 const BEHIND: [f32; 3] = [0.6, 0.1, 0.1];
 const REST: [f32; 3] = [0.3; 3];
-/// One cell of the wall ahead, left of its middle and above it, and its radiance.
+/// A leaf of the wall ahead, left of its centre and above it, and its radiance.
 const MARK: [u32; 3] = [2, 5, 0];
 const MARK_RADIANCE: [f32; 3] = [0.05, 0.05, 0.9];
-/// Four cells in the middle of the ceiling.
+/// Radiance of four leaves in the middle of the ceiling.
 const LAMP: [f32; 3] = [10.0, 8.0, 6.0];
 
-/// Of cells, shuffled keys with radiance and whether the photo saw them.
+/// Builds a scene of leaves: shuffled key, radiance with opacity, and observed share.
 fn scene(mut cells: Vec<(u32, [f32; 4], u8)>, cube: Cube, depth: u32) -> Arc<OpenScene> {
     cells.sort_by_key(|cell| cell.0);
     let keys = cells.iter().map(|cell| cell.0).collect();
@@ -68,7 +69,7 @@ fn view(eye_m: [f32; 3]) -> OutsideView {
 }
 
 fn picture(open: &Arc<OpenScene>, state: &State, view: &OutsideView) -> Image<[u8; 3]> {
-    Outside::new(Arc::new(LitScenes::new(open.clone()))).picture(state, view, &|| false).unwrap().unwrap()
+    OutsideRenderer::new(Arc::new(LitSceneCache::new(open.clone()))).render(state, view, &|| false).unwrap().unwrap()
 }
 
 const MIDDLE: (usize, usize) = (80, 60);
@@ -77,14 +78,14 @@ fn code(radiance: [f32; 3]) -> [u8; 3] {
     radiance.map(srgb8_from_linear)
 }
 
-/// Where a point is seen: by the angles to the axis, in f64.
+/// Projects a point by its angles to the axis, in f64.
 fn seen_at(view: &OutsideView, point: [f64; 3]) -> (usize, usize) {
     let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let unit = |a: [f64; 3]| a.map(|c| c / dot(a, a).sqrt());
     let eye = view.eye_m.map(f64::from);
     let ahead = unit(minus(view.target_m.map(f64::from), eye));
-    // Level, to the right of what lies ahead; and up what is left of +Y.
+    // Horizontal right; up is the component of +Y orthogonal to the axis.
     let right = unit([-ahead[2], 0.0, ahead[0]]);
     let up = unit(minus([0.0, 1.0, 0.0], ahead.map(|c| c * ahead[1])));
     let offset = minus(point, eye);
@@ -98,19 +99,19 @@ fn seen_at(view: &OutsideView, point: [f64; 3]) -> (usize, usize) {
 fn walls_are_seen_from_the_rooms_side_alone() {
     let open = room();
     let state = State::default();
-    // From behind the camera the wall behind it is passed, from before the wall ahead.
+    // The near wall is invisible: the wall behind the camera from behind, the wall ahead from in front.
     for (eye_m, far_wall) in [([0.0, 0.0, 6.0], AHEAD), ([0.0, 0.0, -6.0], BEHIND), ([0.5, 1.0, 6.0], AHEAD)] {
         assert_eq!(picture(&open, &state, &view(eye_m))[MIDDLE], code(far_wall), "{eye_m:?}");
     }
-    // The same through the ceiling; beside the room there is nothing.
+    // The same through the ceiling; next to the room is background.
     let above = OutsideView { fov_deg: 60.0, ..view([0.0, 6.0, 0.1]) };
     let image = picture(&open, &state, &above);
     assert_eq!((image[MIDDLE], image[(0, 0)]), (code(REST), [48; 3]));
-    // From within it is a room, too.
+    // A viewpoint inside works, too.
     assert_eq!(picture(&open, &state, &view([0.0, 0.0, 1.0]))[MIDDLE], code(AHEAD));
     let brighter = OutsideView { exposure_ev: 1.0, ..view([0.0, 0.0, 6.0]) };
     assert_eq!(picture(&open, &state, &brighter)[MIDDLE], code(AHEAD.map(|c| 2.0 * c)));
-    // Four rays of one colour are that colour; where an edge is, a mixture.
+    // Four rays of one colour give that colour; at edges, a mixture.
     let still = picture(&open, &state, &OutsideView { still: true, ..view([0.0, 0.0, 6.0]) });
     assert_eq!(still[MIDDLE], code(AHEAD));
     let known = [[48; 3], code(AHEAD), code(REST), code(MARK_RADIANCE), [255; 3]];
@@ -119,7 +120,7 @@ fn walls_are_seen_from_the_rooms_side_alone() {
 
 #[test]
 fn a_hole_in_a_wall_does_not_show_the_walls_from_behind() {
-    // Walls of a quarter of a metre about 3.5 m of air, in a cube of 8 m, with a hole of a metre in the right one.
+    // Walls of 0.25 m around 3.5 m of air, in a cube of 8 m, with a hole of 1 m in the right one.
     let cells = (0..32u32.pow(3)).map(|i| [i / 1024, i / 32 % 32, i % 32]);
     let shell = cells.filter(|xyz| xyz.iter().all(|c| (8..24).contains(c)) && xyz.iter().any(|c| *c == 8 || *c == 23));
     let shell = shell.filter(|xyz| !matches!(xyz, [23, 12..16, 12..16]));
@@ -133,7 +134,7 @@ fn a_hole_in_a_wall_does_not_show_the_walls_from_behind() {
         (key_from_xyz(xyz), [r, g, b, 0.99], 255)
     });
     let open = scene(cells.collect(), Cube::centred(Vec3::ZERO, 8.0), 5);
-    // Air comes to the outer sides, too: 6 × 14² faces are within.
+    // Air reaches the outer sides, too: 6 × 14² faces are inside.
     assert!(RoomFaces::of(&open.estimate().light).quads.len() > 2 * 6 * 14 * 14);
     for (eye_m, far_wall) in [([0.0, 0.0, 6.0], AHEAD), ([0.0, 0.0, -6.0], BEHIND), ([-6.0, -0.3, -0.9], REST)] {
         assert_eq!(picture(&open, &State::default(), &view(eye_m))[MIDDLE], code(far_wall), "{eye_m:?}");
@@ -146,7 +147,7 @@ fn points_are_seen_where_the_formula_says() {
     for eye_m in [[0.3, 0.2, 6.0], [2.5, 1.5, 5.0], [-2.0, 3.0, 4.0]] {
         let view = view(eye_m);
         let image = picture(&open, &State::default(), &view);
-        // The inner face of the marked cell: its middle, and places just inside and outside of its corners.
+        // The inner face of the marked leaf: its centre, and points just inside and outside its corners.
         let [x, y] = [-2.0 + 0.5 * f64::from(MARK[0]), -2.0 + 0.5 * f64::from(MARK[1])];
         let at = |dx: f64, dy: f64| image[seen_at(&view, [x + dx, y + dy, -1.5])];
         assert_eq!(at(0.25, 0.25), code(MARK_RADIANCE), "{eye_m:?}");
@@ -161,7 +162,7 @@ fn points_are_seen_where_the_formula_says() {
 }
 
 #[test]
-fn colours_tell_what_was_seen_and_what_was_guessed() {
+fn overlays_colour_observed_and_inferred_leaves() {
     let open = room();
     let hue = |color: [u8; 3]| color.map(|c| f32::from(c) / f32::from(*color.iter().max().unwrap()));
     let near = |a: [u8; 3], b: [u8; 3]| hue(a).iter().zip(hue(b)).all(|(a, b)| (a - b).abs() < 0.02);
@@ -169,10 +170,10 @@ fn colours_tell_what_was_seen_and_what_was_guessed() {
         |eye_m, what| picture(&open, &State::default(), &OutsideView { show: Some(what), ..view(eye_m) })[MIDDLE];
     let (from_behind, from_before) = ([0.0, 0.0, 6.0], [0.0, 0.0, -6.0]);
     let legend = |what| overlay(&open, what).unwrap().legend;
-    let [(photo, _), (guess, _)] = legend(Overlay::Origins)[..] else { panic!() };
-    assert!(near(shown(from_behind, Overlay::Origins), photo));
-    assert!(near(shown(from_before, Overlay::Origins), guess));
-    // All cells are of the octree's depth; the wall ahead looks towards the camera, and is as deep as anything that the photo sees.
+    let [(photo, _), (guess, _)] = legend(Overlay::Provenance)[..] else { panic!() };
+    assert!(near(shown(from_behind, Overlay::Provenance), photo));
+    assert!(near(shown(from_before, Overlay::Provenance), guess));
+    // All leaves have the octree's depth. The wall ahead faces the camera and has the photo's only depth.
     assert!(near(shown(from_behind, Overlay::Levels), legend(Overlay::Levels)[0].0));
     assert_eq!(shown(from_behind, Overlay::Normals), legend(Overlay::Normals)[2].0);
     assert_eq!(shown(from_behind, Overlay::Depth), legend(Overlay::Depth)[0].0);
@@ -183,13 +184,13 @@ fn objects_hide_what_is_behind_them() {
     let open = room();
     let mut session = Session::new(open.clone()).unwrap();
     session.apply(&Command::Add { mesh: "builtin:sphere".into(), pixel: None, material: None }).unwrap();
-    session.apply(&Command::Size { object: 1, size: Size::Height(0.4) }).unwrap();
+    session.apply(&Command::Size { object: 1, size: ObjectSize::Height(0.4) }).unwrap();
     let place = |session: &mut Session, at: [f64; 3]| {
-        session.apply(&Command::Place { object: 1, place: Place::Position(at) }).unwrap();
+        session.apply(&Command::Place { object: 1, place: ObjectPosition::Position(at) }).unwrap();
     };
     let view = view([1.0, 0.5, 5.0]);
     let empty = picture(&open, &State::default(), &view);
-    // It stands on its place: its middle is 0.2 m above.
+    // The position is the base: the centre is 0.2 m above.
     place(&mut session, [0.4, 0.0, -0.5]);
     let image = picture(&open, session.state(), &view);
     let at = |x: f64, y: f64| seen_at(&view, [x, y, -0.5]);
@@ -200,7 +201,7 @@ fn objects_hide_what_is_behind_them() {
     for (x, y) in [(0.15, 0.2), (0.65, 0.2), (0.4, -0.05), (0.4, 0.45)] {
         assert_eq!(image[at(x, y)], empty[at(x, y)], "{x} {y}");
     }
-    // Behind a wall's inner side nothing is seen of it, and where it was is what was there.
+    // Behind a wall's inner side it is hidden, and the former position shows the room.
     place(&mut session, [0.4, 0.0, -3.0]);
     assert_eq!(picture(&open, session.state(), &view), empty);
 }
@@ -215,9 +216,9 @@ fn edits_of_the_light_are_seen() {
     session
         .apply(&Command::SetLight { light: "L1".into(), change: LightChange { on: false, ..LightChange::NONE } })
         .unwrap();
-    // One drawer for both, as a running program has it.
-    let mut outside = Outside::new(Arc::new(LitScenes::new(open.clone())));
-    let mut middle = |state: &State| outside.picture(state, &view, &|| false).unwrap().unwrap()[MIDDLE];
+    // One renderer for both, as in the running program.
+    let mut outside = OutsideRenderer::new(Arc::new(LitSceneCache::new(open.clone())));
+    let mut middle = |state: &State| outside.render(state, &view, &|| false).unwrap().unwrap()[MIDDLE];
     assert!(middle(session.state())[0] < 200);
     assert_eq!(middle(&State::default()), [255; 3]);
 }
@@ -235,7 +236,7 @@ fn views_out_of_range_are_refused() {
         OutsideView { eye_m: [0.0, 0.0, 1001.0], ..good },
         OutsideView { target_m: [0.0, -1e30, 0.0], ..good },
         OutsideView { target_m: good.eye_m, ..good },
-        // Along gravity.
+        // Vertical direction.
         OutsideView { target_m: [0.0, 9.0, 6.0], ..good },
         OutsideView { fov_deg: 0.0, ..good },
         OutsideView { fov_deg: 180.0, ..good },
@@ -248,29 +249,29 @@ fn views_out_of_range_are_refused() {
         OutsideView { exposure_ev: 21.0, ..good },
     ];
     let open = room();
-    let mut outside = Outside::new(Arc::new(LitScenes::new(open)));
+    let mut outside = OutsideRenderer::new(Arc::new(LitSceneCache::new(open)));
     for view in wrong {
-        assert!(matches!(view.check(up), Err(SessionError::Range(_))), "{view:?}");
-        assert!(outside.picture(&State::default(), &view, &|| false).is_err(), "{view:?}");
+        assert!(matches!(view.check(up), Err(SessionError::OutOfRange(_))), "{view:?}");
+        assert!(outside.render(&State::default(), &view, &|| false).is_err(), "{view:?}");
     }
 }
 
 #[test]
-fn what_nobody_wants_any_more_is_given_up() {
-    let mut outside = Outside::new(Arc::new(LitScenes::new(room())));
+fn superseded_images_are_cancelled() {
+    let mut outside = OutsideRenderer::new(Arc::new(LitSceneCache::new(room())));
     let asked = AtomicUsize::new(0);
-    let passed = || asked.fetch_add(1, Ordering::Relaxed) > 20;
-    let picture = outside.picture(&State::default(), &view([0.0, 0.0, 6.0]), &passed).unwrap();
+    let is_superseded = || asked.fetch_add(1, Ordering::Relaxed) > 20;
+    let picture = outside.render(&State::default(), &view([0.0, 0.0, 6.0]), &is_superseded).unwrap();
     assert!(picture.is_none() && asked.into_inner() < 121);
 }
 
 #[test]
-fn where_the_room_is_is_told() {
-    // The photo saw the wall ahead, two rows and columns of cells of which lie in other walls, and the camera is at the origin.
+fn the_extent_covers_observed_leaves_and_camera() {
+    // The photo shows the wall ahead, including the edges that belong to other walls. The camera is at the origin.
     let extent = room().extent();
     let [x, y, z] = extent.middle_m;
     assert!(x.abs() < 1e-6 && y.abs() < 1e-6 && (z + 0.875).abs() < 1e-6, "{extent:?}");
-    // Middles of cells, from −1.75 to 1.75 across and from −1.75 to 0 ahead.
+    // Leaf centres range from −1.75 to 1.75 across and from −1.75 to 0 ahead.
     let radius_m = (1.75f32 * 1.75 * 2.0 + 0.875 * 0.875).sqrt();
     assert!((extent.radius_m - radius_m).abs() < 1e-5 && (extent.floor_m + 1.75).abs() < 1e-6, "{extent:?}");
 }

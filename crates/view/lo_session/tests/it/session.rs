@@ -1,4 +1,4 @@
-//! Sessions at a small room: a floor, a table on it and a wall, whose depth is known exactly.
+//! Sessions in a small room with exact depth: a floor, a table on it, and a wall.
 
 use std::sync::{Arc, LazyLock};
 
@@ -10,18 +10,18 @@ use lightoctree::scene::{Completion, Frame, LightChange, SceneFile, SceneObjects
 use lightoctree::{Document, EstimateOptions, Estimator, Input, LightMode, LightPurpose, events};
 use lo_random::{RngExt, Stream};
 use lo_session::{
-    Command, Files, LitScenes, NewLight, ObjectMaterial, OpenScene, Overlay, Place, Probe, Renderer, Sequence, Session,
-    SessionError, Size, State, Step, insert_words, outputs, overlay, probe_place,
+    Command, Files, LitSceneCache, NewLight, ObjectMaterial, ObjectPosition, ObjectSize, OpenScene, Overlay, Probe,
+    RenderStep, Renderer, Sequence, Session, SessionError, State, insert_argv, outputs, overlay, probe_position,
 };
 
 use crate::guessed::GUESSED;
 
 pub const SIZE: (usize, usize) = (144, 96);
-/// The camera is this high above the floor and the table's top.
+/// Height of the camera above the floor and the tabletop.
 const FLOOR_M: f32 = 1.2;
 const TABLE_M: f32 = 0.7;
 
-/// Depth of the floor, of a table 1 m wide whose edge is 1.6 m before the camera, and of a wall.
+/// Depth of the floor, of a table 1 m wide whose edge is 1.6 m from the camera, and of a wall.
 fn depth_m(camera: &Camera, x: usize, y: usize) -> f32 {
     let ray = Ray { origin: Vec3::ZERO, direction: camera.direction(x as f64 + 0.5, y as f64 + 0.5) };
     let to = |plane: Plane| {
@@ -56,7 +56,7 @@ pub fn add(mesh: &str, pixel: [f64; 2]) -> Command {
     Command::Add { mesh: mesh.to_owned(), pixel: Some(pixel), material: None }
 }
 
-/// A session with a sphere on the floor, right of the table.
+/// Creates a session with a sphere on the floor, right of the table.
 fn with_sphere() -> Session {
     let mut session = session();
     session.apply(&add("builtin:sphere", [125.5, 90.5])).unwrap();
@@ -71,10 +71,10 @@ fn objects_stand_where_they_are_put_and_are_named() {
     let names: Vec<&str> = session.state().objects.iter().map(|object| object.name.as_str()).collect();
     assert_eq!(names, ["sphere", "sphere 2", "suzanne"]);
     let sphere = &session.state().objects[0];
-    // The floor is fitted to readings of 144 × 96: a centimetre.
+    // The floor is fitted to 144 × 96 readings: accurate to 1 cm.
     assert!((sphere.placement.position_m.y + FLOOR_M).abs() < 0.01, "{}", sphere.placement.position_m);
     assert!(sphere.placement.support.is_some());
-    assert!(matches!(session.state().objects[2].size, Size::Height(_)));
+    assert!(matches!(session.state().objects[2].size, ObjectSize::Height(_)));
     session.apply(&Command::Duplicate { object: 1 }).unwrap();
     let [first, .., copy] = &session.state().objects[..] else { panic!() };
     assert_eq!((copy.name.as_str(), copy.size), ("sphere 3", first.size));
@@ -83,7 +83,7 @@ fn objects_stand_where_they_are_put_and_are_named() {
 }
 
 #[test]
-fn what_is_impossible_is_refused_and_changes_nothing() {
+fn invalid_commands_are_refused_and_change_nothing() {
     let mut session = with_sphere();
     session.apply(&add("builtin:sphere", [20.5, 90.5])).unwrap();
     let before = session.state().clone();
@@ -93,10 +93,10 @@ fn what_is_impossible_is_refused_and_changes_nothing() {
         add("builtin:teapot", [1.0, 1.0]),
         add("/etc/passwd", [1.0, 1.0]),
         add("builtin:sphere", [1000.0, 1.0]),
-        Command::Place { object: 1, place: Place::Position([nan, 0.0, 0.0]) },
-        Command::Place { object: 1, place: Place::Position([1e9, 0.0, 0.0]) },
-        Command::Size { object: 1, size: Size::Scale(0.0) },
-        Command::Size { object: 1, size: Size::Height(f64::INFINITY) },
+        Command::Place { object: 1, place: ObjectPosition::Position([nan, 0.0, 0.0]) },
+        Command::Place { object: 1, place: ObjectPosition::Position([1e9, 0.0, 0.0]) },
+        Command::Size { object: 1, size: ObjectSize::Scale(0.0) },
+        Command::Size { object: 1, size: ObjectSize::Height(f64::INFINITY) },
         Command::Turn { object: 1, yaw_deg: nan },
         Command::Rename { object: 1, name: "sphere 2".into() },
         Command::Material {
@@ -123,13 +123,13 @@ fn a_dragged_object_keeps_to_its_level_at_depth_edges() {
         session.preview(&Command::Drag { object: 1, to: [u, v] }).unwrap();
         session.state().objects[0].placement.position_m
     };
-    // Along the floor beside the table, to and fro.
+    // Along the floor beside the table, back and forth.
     for u in [120.0, 130.0, 138.0, 12.0, 5.0] {
         let at = drag(&mut session, u, 82.0);
         assert!((at.y + FLOOR_M).abs() < 0.02, "{u}: {at}");
     }
     session.commit();
-    // Onto the table: at its edge it stays on the floor's level, in its middle it stands on the top.
+    // Onto the table: at its edge it stays on the floor's level, in the middle it is on the tabletop.
     let camera = ROOM.estimate().frame.camera;
     let table = |x: f32, z: f32| camera.project(Vec3::new(x, -TABLE_M, z)).unwrap();
     let (edge_u, edge_v, _) = table(-0.48, -1.9);
@@ -138,10 +138,10 @@ fn a_dragged_object_keeps_to_its_level_at_depth_edges() {
     let (u, v, _) = table(0.0, -1.9);
     let on_table = drag(&mut session, u, v);
     assert!((on_table.y + TABLE_M).abs() < 0.02, "{on_table}");
-    // From there to the table's edge it does not fall off.
+    // From there to the table's edge it stays on the tabletop.
     let back_at_edge = drag(&mut session, edge_u, edge_v);
     assert!((back_at_edge.y + TABLE_M).abs() < 0.05, "{back_at_edge}");
-    // Nor does it climb the wall: it goes on at its height, or stays.
+    // It does not climb the wall: it keeps its height, or stays.
     let before_wall = drag(&mut session, 72.0, 45.0);
     assert!(before_wall.y < -0.6, "{before_wall}");
     session.cancel();
@@ -152,7 +152,9 @@ fn a_dragged_object_keeps_to_its_level_at_depth_edges() {
 fn a_lifted_object_stays_as_high_as_it_is() {
     let mut session = with_sphere();
     let at = session.state().objects[0].placement.position_m + Vec3::Y * 0.4;
-    session.apply(&Command::Place { object: 1, place: Place::Position(at.to_array().map(f64::from)) }).unwrap();
+    session
+        .apply(&Command::Place { object: 1, place: ObjectPosition::Position(at.to_array().map(f64::from)) })
+        .unwrap();
     for (u, v) in [(110.0, 70.0), (60.0, 72.0), (30.0, 60.0)] {
         session.preview(&Command::Drag { object: 1, to: [u, v] }).unwrap();
         let moved = session.state().objects[0].placement.position_m;
@@ -176,7 +178,7 @@ fn a_gesture_is_one_step() {
     assert_eq!(session.state(), &before);
     assert!(session.redo());
     assert_eq!(session.state(), &after);
-    // A gesture that is dropped leaves nothing, and one that comes back to where it began neither.
+    // Neither a cancelled gesture nor one that ends where it began adds a step.
     session.preview(&Command::Turn { object: 1, yaw_deg: 40.0 }).unwrap();
     session.cancel();
     session.preview(&Command::Turn { object: 1, yaw_deg: 40.0 }).unwrap();
@@ -209,37 +211,37 @@ fn the_light_is_edited_and_undone() {
 }
 
 #[test]
-fn pictures_get_better_and_can_be_broken_off() {
+fn images_are_refined_and_can_be_cancelled() {
     let session = with_sphere();
-    let mut renderer = Renderer::new(Arc::new(LitScenes::new(ROOM.clone())));
-    let draft = renderer.render(session.state(), Step::Moving, &mut events::ignore).unwrap();
-    let last = renderer.render(session.state(), Step::Final, &mut events::ignore).unwrap();
+    let mut renderer = Renderer::new(Arc::new(LitSceneCache::new(ROOM.clone())));
+    let draft = renderer.render(session.state(), RenderStep::Moving, &mut events::ignore).unwrap();
+    let last = renderer.render(session.state(), RenderStep::Final, &mut events::ignore).unwrap();
     assert_eq!((draft.image.width(), last.image.width()), (SIZE.0, SIZE.0));
     let shown = last.alpha.pixels().iter().filter(|alpha| **alpha > 0.5).count();
-    assert!((20..2000).contains(&shown), "{shown} pixels of a ball");
-    let mut heard = 0;
+    assert!((20..2000).contains(&shown), "{shown} pixels of a sphere");
+    let mut events_received = 0;
     let stop = &mut |_| {
-        heard += 1;
-        if heard > 3 { std::ops::ControlFlow::Break(()) } else { std::ops::ControlFlow::Continue(()) }
+        events_received += 1;
+        if events_received > 3 { std::ops::ControlFlow::Break(()) } else { std::ops::ControlFlow::Continue(()) }
     };
-    let error = renderer.render(session.state(), Step::Final, stop).unwrap_err();
-    assert!(error.is_cancelled() && heard == 4, "{error}");
+    let error = renderer.render(session.state(), RenderStep::Final, stop).unwrap_err();
+    assert!(error.is_cancelled() && events_received == 4, "{error}");
     assert!(matches!(
-        renderer.render(&State::default(), Step::Moving, &mut events::ignore),
+        renderer.render(&State::default(), RenderStep::Moving, &mut events::ignore),
         Err(SessionError::NoObjects)
     ));
     // The same state gives the same bytes.
-    let again = renderer.render(session.state(), Step::Final, &mut events::ignore).unwrap();
-    assert_eq!(outputs::picture(&last).unwrap(), outputs::picture(&again).unwrap());
+    let again = renderer.render(session.state(), RenderStep::Final, &mut events::ignore).unwrap();
+    assert_eq!(outputs::image(&last).unwrap(), outputs::image(&again).unwrap());
 }
 
 #[test]
 fn lights_reach_the_picture_and_a_scene_keeps_them() {
     let mut session = with_sphere();
-    let scenes = Arc::new(LitScenes::new(ROOM.clone()));
+    let scenes = Arc::new(LitSceneCache::new(ROOM.clone()));
     let mut renderer = Renderer::new(scenes.clone());
     let mean = |renderer: &mut Renderer, state: &State| {
-        let composite = renderer.render(state, Step::Moving, &mut events::ignore).unwrap();
+        let composite = renderer.render(state, RenderStep::Moving, &mut events::ignore).unwrap();
         let sum: f32 = composite.object.pixels().iter().map(|rgb| rgb[1]).sum();
         sum / composite.alpha.pixels().iter().sum::<f32>()
     };
@@ -253,35 +255,35 @@ fn lights_reach_the_picture_and_a_scene_keeps_them() {
     let reopened = Session::new(Arc::new(OpenScene::new("room.scene", scene))).unwrap();
     assert_eq!(reopened.state().lights, session.state().lights);
     assert!(!reopened.view().edited);
-    // As `insert` would light it.
+    // As `insert` lights it.
     let mut document = ROOM.document.clone();
     document.light_edits = session.state().lights.clone();
     let lit = document.lit(LightPurpose::Objects { at_m: Vec3::ZERO }).unwrap();
-    assert_eq!(*scenes.of(session.state()).unwrap(), lit);
+    assert_eq!(*scenes.lit(session.state()).unwrap(), lit);
 }
 
 #[test]
 fn probes_and_overlays_show_the_room() {
     let session = with_sphere();
-    let scenes = Arc::new(LitScenes::new(ROOM.clone()));
-    let at = probe_place(&ROOM, [125.5, 90.5], 0.1).unwrap();
+    let scenes = Arc::new(LitSceneCache::new(ROOM.clone()));
+    let at = probe_position(&ROOM, [125.5, 90.5], 0.1).unwrap();
     assert!((at.y + FLOOR_M - 0.1).abs() < 0.02, "{at}");
-    assert!(probe_place(&ROOM, [-4.0, 3.0], 0.1).is_none());
-    let pictures = Probe::new(scenes.clone()).pictures(session.state(), at, 32, 0.0).unwrap();
-    assert_eq!((pictures.panorama.width(), pictures.ball.width(), pictures.origins.width()), (64, 32, 64));
+    assert!(probe_position(&ROOM, [-4.0, 3.0], 0.1).is_none());
+    let pictures = Probe::new(scenes.clone()).images(session.state(), at, 32, 0.0).unwrap();
+    assert_eq!((pictures.panorama.width(), pictures.ball.width(), pictures.provenance.width()), (64, 32, 64));
     let bright = pictures.panorama.pixels().iter().filter(|rgb| rgb[1] > 40).count();
     assert!(bright > 1000, "{bright} of 2048 pixels are lit");
     let exr = Probe::exr(&scenes, session.state(), at, 32).unwrap();
     let panorama = lightoctree::imaging::radiance_from_bytes(&exr, "light.exr").unwrap();
     assert_eq!((panorama.width(), panorama.height()), (64, 32));
-    for what in [Overlay::Depth, Overlay::Normals, Overlay::Levels, Overlay::Origins] {
+    for what in [Overlay::Depth, Overlay::Normals, Overlay::Levels, Overlay::Provenance] {
         let made = overlay(&ROOM, what).unwrap();
         let known = made.image.pixels().iter().filter(|rgba| rgba[3] == 255).count();
         assert!(known > SIZE.0 * SIZE.1 * 8 / 10, "{what:?}: {known} pixels");
         assert!(made.legend.len() >= 2, "{what:?}");
     }
-    // What the camera sees, the photo shows.
-    let origins = overlay(&ROOM, Overlay::Origins).unwrap();
+    // The camera's view is observed in the photo.
+    let origins = overlay(&ROOM, Overlay::Provenance).unwrap();
     let photo = origins.legend[0].0;
     let shown = origins.image.pixels().iter().filter(|rgba| rgba[..3] == photo).count();
     assert!(shown > SIZE.0 * SIZE.1 * 7 / 10, "{shown}");
@@ -290,8 +292,8 @@ fn probes_and_overlays_show_the_room() {
 #[test]
 fn the_command_line_tells_all_objects() {
     let mut session = with_sphere();
-    assert_eq!(insert_words("room.scene", &State::default()), None);
-    session.apply(&Command::Place { object: 1, place: Place::Position([0.25, -0.5, -2.0]) }).unwrap();
+    assert_eq!(insert_argv("room.scene", &State::default()), None);
+    session.apply(&Command::Place { object: 1, place: ObjectPosition::Position([0.25, -0.5, -2.0]) }).unwrap();
     session.apply(&Command::Turn { object: 1, yaw_deg: -30.0 }).unwrap();
     session.apply(&Command::Align { object: 1, align: Align::None }).unwrap();
     let chrome = ObjectMaterial { preset: Some("chrome".into()), roughness: Some(0.3), ..ObjectMaterial::default() };
@@ -307,7 +309,7 @@ fn the_command_line_tells_all_objects() {
     assert_eq!(read, session.state().layout().unwrap());
 }
 
-/// A command that somebody might give, sensible or not.
+/// Generates a command, valid or not.
 fn command(random: &mut Stream) -> Command {
     let object = random.random_range(1..5);
     let pixel = [random.random_range(0.0..150.0), random.random_range(30.0..96.0)];
@@ -318,10 +320,10 @@ fn command(random: &mut Stream) -> Command {
         2 => Command::Duplicate { object },
         3 => Command::Delete { object },
         4 | 5 => Command::Drag { object, to: pixel },
-        6 => Command::Place { object, place: Place::Pixel(pixel) },
-        7 => Command::Place { object, place: Place::Position([pixel[0] / 75.0 - 1.0, -0.5, -2.0]) },
+        6 => Command::Place { object, place: ObjectPosition::Pixel(pixel) },
+        7 => Command::Place { object, place: ObjectPosition::Position([pixel[0] / 75.0 - 1.0, -0.5, -2.0]) },
         8 => Command::Turn { object, yaw_deg: 5.0 * pixel[0] - 300.0 },
-        9 => Command::Size { object, size: Size::Scale(2.0 * f64::from(share)) },
+        9 => Command::Size { object, size: ObjectSize::Scale(2.0 * f64::from(share)) },
         10 => Command::Rename { object, name: ["a", "b", ""][random.random_range(0..3)].to_owned() },
         11 => {
             let material = ObjectMaterial { roughness: Some(share), ..ObjectMaterial::default() };
@@ -359,7 +361,7 @@ fn command(random: &mut Stream) -> Command {
 }
 
 #[test]
-fn all_that_was_done_can_be_undone_and_done_again() {
+fn every_step_can_be_undone_and_redone() {
     let (mut done, mut refused) = (0, 0);
     for index in 0..60 {
         let mut random = lo_random::stream(11, "session", index);
@@ -384,7 +386,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
                     let kept = session.state().clone();
                     let sought = session.seek(random.random_range(-0.2..4.0));
                     let back = session.state().at(kept.time_s, ROOM.estimate()).unwrap();
-                    assert_eq!(back, kept, "looking at another time changes nothing");
+                    assert_eq!(back, kept, "seeking changes nothing else");
                     if sought.is_err() {
                         assert_eq!(session.state(), &kept);
                     }
@@ -400,11 +402,11 @@ fn all_that_was_done_can_be_undone_and_done_again() {
                 }
             };
             if tried.is_err() {
-                assert_eq!(session.state(), &before, "what is refused changes nothing");
+                assert_eq!(session.state(), &before, "a refused command changes nothing");
             }
             done += usize::from(tried.is_ok());
             refused += usize::from(tried.is_err());
-            // Names tell objects apart, and every state can be told on a command line.
+            // Names are unique, and the command line can express every state.
             let state = session.state();
             assert!(state.objects.is_empty() || state.layout().is_ok(), "{state:?}");
             assert!(state.lights.guessed.is_none_or(|guessed| guessed.tuning.invalid_field().is_none()), "{state:?}");
@@ -416,14 +418,14 @@ fn all_that_was_done_can_be_undone_and_done_again() {
         while session.undo() {
             steps.push(session.state().clone());
         }
-        // The time that is looked at is no step.
+        // Seeking is not a step.
         assert_eq!(session.state().at(beginning.time_s, ROOM.estimate()).unwrap(), beginning);
         for step in steps.iter().rev() {
             assert_eq!(session.state(), step);
             assert!(session.redo());
         }
         assert_eq!(session.state(), &end);
-        // Placements are what the places come to.
+        // Placements follow from positions.
         for object in &end.objects {
             assert_eq!(&object.clone().placed(ROOM.estimate(), end.time_s).unwrap(), object);
         }
@@ -431,7 +433,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
     assert!(done > 300 && refused > 100, "{done} done, {refused} refused");
 }
 
-/// An OBJ of a tetrahedron whose colour another file says.
+/// A tetrahedron as OBJ whose colour is in another file.
 const OBJ: &[u8] =
     b"mtllib a.mtl\nusemtl red\nv 0 0 0\nv 0.3 0 0\nv 0 0.3 0\nv 0 0 0.3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
 const MTL: &[u8] = b"newmtl red\nKd 1 0 0\n";
@@ -456,7 +458,7 @@ fn a_scene_opens_again_as_it_was() {
     for (time_s, u) in [(0.0, 125.5), (2.0, 60.5)] {
         session.seek(time_s).unwrap();
         session.apply(&Command::SetKey { object: 1, time_s }).unwrap();
-        session.apply(&Command::Place { object: 1, place: Place::Pixel([u, 90.5]) }).unwrap();
+        session.apply(&Command::Place { object: 1, place: ObjectPosition::Pixel([u, 90.5]) }).unwrap();
     }
     session.apply(&Command::Frames { frames: Some(9), fps: 12 }).unwrap();
     session.seek(0.75).unwrap();
@@ -465,7 +467,7 @@ fn a_scene_opens_again_as_it_was() {
     assert_eq!(scene.meshes.keys().collect::<Vec<_>>(), ["a.obj", "a.obj/a.mtl"]);
     let open = Arc::new(OpenScene::new("room.scene", scene));
     let mut again = Session::new(open.clone()).unwrap();
-    // All but the meshes' places in memory.
+    // Everything except the identity of the meshes.
     let told = |state: &State| {
         let placements: Vec<_> = state.objects.iter().map(|object| (object.id, object.placement)).collect();
         let numbers = (state.floor_gloss, state.frames, state.fps, state.time_s);
@@ -474,12 +476,12 @@ fn a_scene_opens_again_as_it_was() {
     assert_eq!(told(again.state()), told(session.state()));
     assert!(!again.undo());
     let picture = |open: &Arc<OpenScene>, state: &State| {
-        let mut renderer = Renderer::new(Arc::new(LitScenes::new(open.clone())));
-        outputs::picture(&renderer.render(state, Step::Final, &mut events::ignore).unwrap()).unwrap()
+        let mut renderer = Renderer::new(Arc::new(LitSceneCache::new(open.clone())));
+        outputs::image(&renderer.render(state, RenderStep::Final, &mut events::ignore).unwrap()).unwrap()
     };
     assert!(picture(&open, again.state()) == picture(&ROOM, session.state()));
     assert!(outputs::scene(&open, again.state()).unwrap() == bytes);
-    // Without objects nothing is left of them.
+    // After the objects are deleted, the file has no trace of them.
     [1, 2].iter().for_each(|&object| again.apply(&Command::Delete { object }).unwrap());
     again.apply(&Command::FloorGloss { gloss: 0.0 }).unwrap();
     again.apply(&Command::Frames { frames: None, fps: 24 }).unwrap();
@@ -488,7 +490,7 @@ fn a_scene_opens_again_as_it_was() {
 }
 
 #[test]
-fn objects_that_a_scene_cannot_have_are_named() {
+fn unsupported_objects_of_a_scene_are_named() {
     let wrong = |change: &dyn Fn(&mut SceneObjects), what: &str| {
         let mut session = with_sphere();
         add_obj(&mut session);
@@ -516,9 +518,9 @@ fn objects_that_a_scene_cannot_have_are_named() {
 #[test]
 fn keyframes_are_what_the_command_line_reads() {
     let mut session = with_sphere();
-    let place = |session: &Session| session.state().objects[0].place;
+    let place = |session: &Session| session.state().objects[0].position;
     session.apply(&Command::SetKey { object: 1, time_s: 0.0 }).unwrap();
-    // Whatever moves it at another time is a keyframe there.
+    // Moving it at another time adds a keyframe.
     session.seek(2.0).unwrap();
     session.preview(&Command::Drag { object: 1, to: [122.0, 88.0] }).unwrap();
     session.preview(&Command::Drag { object: 1, to: [120.25, 88.5] }).unwrap();
@@ -527,8 +529,8 @@ fn keyframes_are_what_the_command_line_reads() {
     let path = session.state().objects[0].path.clone().unwrap();
     let told: Vec<_> = path.keyframes.iter().map(|key| (key.time_s, key.pixel, key.yaw_deg)).collect();
     assert_eq!(told, [(0.0, Some([125.5, 90.5]), 0.0), (2.0, Some([120.25, 88.5]), 370.0)]);
-    assert_eq!(place(&session), Place::Pixel([120.25, 88.5]));
-    // Between them, where `insert` puts it.
+    assert_eq!(place(&session), ObjectPosition::Pixel([120.25, 88.5]));
+    // Between keyframes it is where `insert` places it.
     session.apply(&Command::Frames { frames: None, fps: 2 }).unwrap();
     let state = session.state().clone();
     assert_eq!((state.span_s(), state.sequence_frames()), (Some([0.0, 2.0]), 5));
@@ -542,27 +544,27 @@ fn keyframes_are_what_the_command_line_reads() {
         lo_session::insert_command("room.scene", session.state()).unwrap(),
         "lightoctree insert room.scene --layout objects.json --frames 5 --fps 2 -o video.y4m"
     );
-    // What is shown at a time is the picture of that frame.
-    let scenes = LitScenes::new(ROOM.clone());
+    // The image at a time equals that frame.
+    let scenes = LitSceneCache::new(ROOM.clone());
     let sequence = Sequence::new(&scenes, session.state(), Quality::High).unwrap();
     session.seek(0.5).unwrap();
-    let mut renderer = Renderer::new(Arc::new(LitScenes::new(ROOM.clone())));
-    let shown = renderer.render(session.state(), Step::Final, &mut events::ignore).unwrap();
+    let mut renderer = Renderer::new(Arc::new(LitSceneCache::new(ROOM.clone())));
+    let shown = renderer.render(session.state(), RenderStep::Final, &mut events::ignore).unwrap();
     assert!(shown.image == sequence.render(1, &mut events::ignore).unwrap().image);
-    // A gesture tells where a keyframe goes from where it was.
+    // Within a gesture, `from_s` is the time before the gesture.
     for to_s in [1.0, 0.0, 3.5] {
         session.preview(&Command::MoveKey { object: 1, from_s: 2.0, to_s }).unwrap();
     }
     session.commit();
     assert_eq!(session.state().span_s(), Some([0.0, 3.5]));
-    // Two undos: the way of the keyframe, and the frames per second, at the time when they were chosen.
+    // Two undos: the moved keyframe, and the frame rate, each at the time of its step.
     assert!(session.undo() && session.undo());
     assert_eq!((session.state().span_s(), session.state().time_s, session.state().fps), (Some([0.0, 2.0]), 2.0, 24));
     for time_s in [0.0, 2.0] {
         session.apply(&Command::DeleteKey { object: 1, time_s }).unwrap();
     }
     assert_eq!(session.state().objects[0].path, None);
-    assert_eq!((place(&session), session.state().objects[0].yaw_deg), (Place::Pixel([120.25, 88.5]), 370.0));
+    assert_eq!((place(&session), session.state().objects[0].yaw_deg), (ObjectPosition::Pixel([120.25, 88.5]), 370.0));
     assert!(matches!(Sequence::new(&scenes, session.state(), Quality::Draft), Err(SessionError::NothingMoves)));
     for refused in [
         Command::DeleteKey { object: 1, time_s: 0.0 },

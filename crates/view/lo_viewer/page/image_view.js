@@ -1,11 +1,11 @@
-// The picture: the newest frame, brightened or in false colour for the eye alone.
+// The displayed image: the newest frame with exposure, false colour and overlays.
 
 import { coded, linear } from "./dom.js";
 
-/** How good a picture is: a better one of the same change takes the place of a lesser one. */
+/** Quality of a frame: a better one of the same change replaces a worse one. */
 const RANK = { moving: 0, resting: 1, final: 2 };
 
-/** Upper ends of the bands of false colour: stops above or below middle grey, 18 % of white. */
+/** Upper ends of the false-colour bands, in stops relative to middle grey (18 % of white). */
 const BANDS = [
   [-5, [70, 30, 110], "black: below −5 stops"],
   [-3, [50, 80, 190], "−5 to −3"],
@@ -19,8 +19,8 @@ const BANDS = [
 
 export const LUMINANCE_LEGEND = BANDS.map(([, color, text]) => [`rgb(${color.join(" ")})`, text]);
 
-export class Picture {
-  /** Draws into a canvas; `drawn(frame)` hears what is shown. */
+export class ImageView {
+  /** Draws into a canvas; `drawn(frame)` is called when a frame is shown. */
   constructor(canvas, drawn) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
@@ -28,51 +28,51 @@ export class Picture {
     this.exposure = 0;
     this.isFalseColour = false;
     this.overlay = null;
-    this.forget();
+    this.reset();
   }
 
-  /** Another scene begins. */
-  forget() {
+  /** Clears the view for another scene. */
+  reset() {
     this.shown = null;
     this.bitmap = null;
     this.photo = null;
   }
 
-  /** Takes the photo that parts of pictures lie on. */
-  async takePhoto(bytes) {
+  /** Sets the photo that patches are laid over. */
+  async setPhoto(bytes) {
     this.photo = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
   }
 
-  /** Takes a frame in, unless a newer or better one is there. */
+  /** Shows a received frame, unless a newer or better one is shown. */
   async take(frame, bytes) {
-    const part = await createImageBitmap(new Blob([bytes], { type: frame.mime }));
+    const patch = await createImageBitmap(new Blob([bytes], { type: frame.mime }));
     const before = this.shown;
     const isOlder = before && (frame.change < before.change
       || (frame.change === before.change && RANK[frame.step] < RANK[before.step]));
     if (isOlder || (frame.at && !this.photo)) {
-      part.close();
+      patch.close();
       return;
     }
-    const bitmap = frame.at ? this.laid(part, frame.at) : part;
+    const bitmap = frame.at ? this.composited(patch, frame.at) : patch;
     if (this.bitmap !== bitmap) this.bitmap?.close?.();
     [this.shown, this.bitmap] = [frame, bitmap];
     this.draw();
     this.drawn(frame);
   }
 
-  /** The photo with a part of another picture on it. */
-  laid(part, [x, y]) {
+  /** Returns the photo with a patch on it. */
+  composited(patch, [x, y]) {
     const { width, height } = this.photo;
     if (this.work?.width !== width || this.work?.height !== height) this.work = new OffscreenCanvas(width, height);
     const context = this.work.getContext("2d");
     context.drawImage(this.photo, 0, 0);
-    context.drawImage(part, x, y);
-    part.close();
+    context.drawImage(patch, x, y);
+    patch.close();
     return this.work;
   }
 
-  /** Lays an overlay (an ImageBitmap, or null for none) over the picture. */
-  lay(overlay) {
+  /** Sets the overlay, an ImageBitmap or null. */
+  setOverlay(overlay) {
     this.overlay?.close();
     this.overlay = overlay;
     this.draw();
@@ -89,10 +89,10 @@ export class Picture {
     if (this.overlay) context.drawImage(this.overlay, 0, 0, canvas.width, canvas.height);
   }
 
-  /** The frame as it is to be seen. */
+  /** Returns the frame with exposure or false colour applied. */
   developed(bitmap) {
     if (this.exposure === 0 && !this.isFalseColour) return bitmap;
-    // No more pixels than are shown.
+    // At the displayed resolution.
     const scale = Math.min(1, this.canvas.width / bitmap.width);
     const [width, height] = [Math.round(bitmap.width * scale), Math.round(bitmap.height * scale)];
     const work = new OffscreenCanvas(width, height);
@@ -115,7 +115,7 @@ function brightened(data, gain) {
   }
 }
 
-/** Puts luminance times a gain in false colour, in place; codes are sRGB. */
+/** Replaces sRGB codes by the false colour of luminance times a gain, in place. */
 export function falseColour(data, gain) {
   const table = new Float32Array(256);
   for (let code = 0; code < 256; code++) table[code] = linear(code / 255) * gain;

@@ -1,27 +1,28 @@
-//! A small draft's objects and shadows in a larger photo, so that the room stays sharp while something moves.
+//! Upsamples a draft's objects and shadows into a larger photo, so that the room stays sharp during a movement.
 
 use lightoctree::imaging::{Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 use lightoctree::insert::Composite;
 use rayon::prelude::*;
 
-/// Entries of the table of sRGB codes, by the root of the linear value.
+/// Entries of the table of sRGB codes, indexed by the square root of the linear value.
 const CODES: usize = 4096;
 
-/// Places of parts are multiples of this, as the blocks of JPEG files are.
+/// Patches are aligned to JPEG blocks of this size, pixels.
 const BLOCK: usize = 16;
 
-/// A part of a picture that is otherwise the photo.
+/// The region of an image that differs from the photo.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Part {
-    /// Column and row of its first pixel.
+pub struct ImagePatch {
+    /// Column and row of the first pixel.
     pub at: [usize; 2],
-    /// sRGB codes; one block of the photo where nothing is changed.
+    /// sRGB codes; one block of the photo if nothing differs.
     pub image: Image<[u8; 3]>,
 }
 
-/// The layers of a composite, enlarged, over a larger photo of the same view, where the objects change it; `exposure` is that of the scene's frame.
-pub(crate) fn enlarged(photo: &Image<[u8; 3]>, composite: &Composite, exposure: f32) -> Part {
-    let layers = Layers { composite, width: composite.alpha.width(), height: composite.alpha.height() };
+/// Composites the upsampled layers of a draft over a larger photo of the same view, in the region that they affect.
+/// `exposure` is that of the scene's frame.
+pub(crate) fn draft_patch(photo: &Image<[u8; 3]>, composite: &Composite, exposure: f32) -> ImagePatch {
+    let layers = CompositeLayers { composite, width: composite.alpha.width(), height: composite.alpha.height() };
     let [left, top, right, bottom] = layers.changed().unwrap_or([0; 4]);
     let (width, height) = (photo.width(), photo.height());
     let scale = [layers.width as f32 / width as f32, layers.height as f32 / height as f32];
@@ -39,7 +40,7 @@ pub(crate) fn enlarged(photo: &Image<[u8; 3]>, composite: &Composite, exposure: 
         for (x, pixel) in row.iter_mut().enumerate() {
             let x = from_x + x;
             let u = (x as f32 + 0.5) * scale[0] - 0.5;
-            let Some(Sample { ratio, reflection, alpha, object }) = layers.at(u, v) else { continue };
+            let Some(LayerSample { ratio, reflection, alpha, object }) = layers.at(u, v) else { continue };
             for c in 0..3 {
                 let under = linear[usize::from(pixel[c])] * ratio[c] + reflection[c] / exposure;
                 let value = under.max(0.0) * (1.0 - alpha) + object[c] / exposure;
@@ -47,32 +48,32 @@ pub(crate) fn enlarged(photo: &Image<[u8; 3]>, composite: &Composite, exposure: 
             }
         }
     });
-    Part { at: [from_x, from_y], image: part }
+    ImagePatch { at: [from_x, from_y], image: part }
 }
 
-struct Layers<'a> {
+struct CompositeLayers<'a> {
     composite: &'a Composite,
     width: usize,
     height: usize,
 }
 
-/// The layers at one place.
+/// Interpolated layers at a point.
 #[derive(Clone, Copy, Default)]
-struct Sample {
+struct LayerSample {
     ratio: [f32; 3],
     reflection: [f32; 3],
     alpha: f32,
     object: [f32; 3],
 }
 
-impl Layers<'_> {
+impl CompositeLayers<'_> {
     fn is_changed(&self, i: usize) -> bool {
         let Composite { alpha, shadow_ratio, reflection, .. } = self.composite;
         let reflects = reflection.as_ref().is_some_and(|reflection| reflection.pixels()[i] != [0.0; 3]);
         alpha.pixels()[i] > 0.0 || shadow_ratio.pixels()[i] != [1.0; 3] || reflects
     }
 
-    /// Left, top, right and bottom of what is changed, with a pixel around; `None` where nothing is.
+    /// Returns left, top, right and bottom of the affected region, padded by a pixel; `None` if it is empty.
     fn changed(&self) -> Option<[usize; 4]> {
         let of_row = |y: usize| {
             let row = y * self.width;
@@ -90,8 +91,8 @@ impl Layers<'_> {
         ])
     }
 
-    /// Bilinear, pixel centres at whole numbers; `None` where nothing is changed around.
-    fn at(&self, u: f32, v: f32) -> Option<Sample> {
+    /// Interpolates bilinearly, with pixel centres at integers; `None` if no neighbour is affected.
+    fn at(&self, u: f32, v: f32) -> Option<LayerSample> {
         let (u, v) = (u.clamp(0.0, (self.width - 1) as f32), v.clamp(0.0, (self.height - 1) as f32));
         let (x, y) = (u as usize, v as usize);
         let (fx, fy) = (u - x as f32, v - y as f32);
@@ -106,7 +107,7 @@ impl Layers<'_> {
             return None;
         }
         let Composite { object, alpha, shadow_ratio, reflection, .. } = self.composite;
-        let mut sum = Sample::default();
+        let mut sum = LayerSample::default();
         for (i, weight) in corners {
             let add = |sum: &mut [f32; 3], image: &RadianceImage| {
                 sum.iter_mut().zip(image.pixels()[i]).for_each(|(sum, value)| *sum += weight * value);
@@ -146,12 +147,12 @@ mod tests {
         }
     }
 
-    fn whole(photo: &Image<[u8; 3]>, part: &Part) -> Image<[u8; 3]> {
-        let mut picture = photo.clone();
+    fn whole(photo: &Image<[u8; 3]>, part: &ImagePatch) -> Image<[u8; 3]> {
+        let mut image = photo.clone();
         for (y, row) in part.image.pixels().chunks(part.image.width()).enumerate() {
-            row.iter().enumerate().for_each(|(x, &pixel)| picture[(part.at[0] + x, part.at[1] + y)] = pixel);
+            row.iter().enumerate().for_each(|(x, &pixel)| image[(part.at[0] + x, part.at[1] + y)] = pixel);
         }
-        picture
+        image
     }
 
     #[test]
@@ -162,7 +163,7 @@ mod tests {
             alpha: Image::new(16, 12, vec![0.0; 192]),
             ..composite(16, 12)
         };
-        let part = enlarged(&photo, &nothing, 1.0);
+        let part = draft_patch(&photo, &nothing, 1.0);
         assert_eq!((part.at, part.image.width(), part.image.height()), ([0, 0], 16, 16));
         assert_eq!(whole(&photo, &part), photo);
     }
@@ -170,25 +171,26 @@ mod tests {
     #[test]
     fn at_the_same_size_it_is_the_composite() {
         let photo = Image::from_fn(16, 12, |x, y| [(x * 9) as u8, (y * 20) as u8, 90]);
-        let picture = whole(&photo, &enlarged(&photo, &composite(16, 12), 1.0));
-        assert_eq!(picture[(5, 4)], [0.2, 0.4, 0.6].map(srgb8_from_linear));
+        let image = whole(&photo, &draft_patch(&photo, &composite(16, 12), 1.0));
+        assert_eq!(image[(5, 4)], [0.2, 0.4, 0.6].map(srgb8_from_linear));
         let half = photo[(8, 4)].map(|code| srgb8_from_linear(0.5 * linear_from_srgb8(code)));
-        assert!(picture[(8, 4)].iter().zip(half).all(|(&a, b)| a.abs_diff(b) <= 1), "{:?} {half:?}", picture[(8, 4)]);
-        assert_eq!(picture[(2, 4)], photo[(2, 4)]);
+        assert!(image[(8, 4)].iter().zip(half).all(|(&a, b)| a.abs_diff(b) <= 1), "{:?} {half:?}", image[(8, 4)]);
+        assert_eq!(image[(2, 4)], photo[(2, 4)]);
     }
 
     #[test]
     fn the_photo_stays_sharp_where_nothing_is_changed() {
         let photo = Image::from_fn(64, 48, |x, y| [if (x + y) % 2 == 0 { 250 } else { 5 }; 3]);
-        let part = enlarged(&photo, &composite(16, 12), 2.0);
+        let part = draft_patch(&photo, &composite(16, 12), 2.0);
         assert_eq!((part.at, part.image.width(), part.image.height()), ([16, 0], 48, 32));
-        let picture = whole(&photo, &part);
-        // Columns and rows 5 and 4 of the small one are 20 to 23 and 16 to 19 here; a small pixel around is mixed with them.
-        let same = |x: usize, y: usize| picture[(x, y)] == photo[(x, y)];
+        let image = whole(&photo, &part);
+        // Column 5 and row 4 of the draft cover columns 20 to 23 and rows 16 to 19, plus a draft pixel around for
+        // interpolation.
+        let same = |x: usize, y: usize| image[(x, y)] == photo[(x, y)];
         assert!((0..64).all(|x| (0..12).chain(24..48).all(|y| same(x, y))));
         assert!((0..14).all(|x| (0..48).all(|y| same(x, y))));
         // Radiance over exposure: 0.1, 0.2, 0.3 in the middle of the object.
-        let middle = picture[(21, 17)];
+        let middle = image[(21, 17)];
         assert!(middle[0] < middle[1] && middle[1] < middle[2] && middle[2] < 200, "{middle:?}");
     }
 }
