@@ -76,7 +76,9 @@ fn object(browser: &mut Browser, index: usize) -> Value {
     browser.value(&format!("viewer.page.view.objects[{index}]"))
 }
 
-const FINAL: &str = "viewer.figures.shown?.step === 'final' && viewer.figures.shown.change === viewer.page.change";
+/// The final image of the current change is shown, and no sent preview is still on its way.
+const FINAL: &str = "viewer.figures.shown?.step === 'final' && viewer.figures.shown.change === viewer.page.change && \
+                     viewer.figures.sent.size === 0";
 
 /// Returns the photo position of the centre of the first object.
 fn middle(browser: &mut Browser) -> [f64; 2] {

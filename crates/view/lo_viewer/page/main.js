@@ -242,8 +242,8 @@ function onFrameShown(frame) {
     figures.latencies_ms.push(now - figures.sent.get(frame.sequence));
     figures.frames_at_ms.push(now);
     for (const list of [figures.latencies_ms, figures.frames_at_ms]) if (list.length > MEASURED) list.shift();
-    for (const sent of figures.sent.keys()) if (sent <= frame.sequence) figures.sent.delete(sent);
   }
+  for (const sent of figures.sent.keys()) if (sent <= frame.sequence) figures.sent.delete(sent);
   figures.shown = frame;
   if (outside.isOn) page.redraw();
   timeline.frameShown();

@@ -55,7 +55,7 @@ fn what_is_no_encoder_is_said() {
     };
     assert!(message(&folder.path().join("none.pth")).contains("none.pth: No such file"));
     assert!(message(&named("text.pth", b"weights")).contains("text.pth: "));
-    assert!(message(&named("text.safetensors", b"weights")).contains("less than eight bytes"));
+    assert!(message(&named("text.safetensors", b"weights")).contains("shorter than eight bytes"));
     let whole = std::fs::read(golden("zip.pth")).unwrap();
     let cut = message(&named("cut.pth", &whole[..whole.len() / 2]));
     assert!(cut.contains("cut.pth: "), "{cut}");
