@@ -74,7 +74,7 @@ fuzz_target!(|text: &str| {
     }
     // Whatever light was chosen can be laid.
     if session.state().lights.guessed.is_some() {
-        session.open().fitted.laid(&session.state().guessed()).expect("what cannot be white is refused");
+        session.open().fitted.apply(&session.state().guessed()).expect("what cannot be white is refused");
     }
     while session.undo() {}
     // What time one looks at is none of the history.

@@ -1,4 +1,5 @@
-//! How do I get the light at a point as an HDR panorama? `cargo run --release -p lightoctree --example envmap [SCENE [PANORAMA]]`
+//! How do I get the light at a point as an HDR panorama? `cargo run --release -p lightoctree --example envmap [SCENE
+//! [PANORAMA]]`
 //!
 //! The example `estimate` makes the scene.
 

@@ -1,4 +1,5 @@
-//! How do I use depth that a sensor or another program's network gives? `cargo run --release -p lightoctree --example external_depth [PHOTO DEPTH [SCENE]]`
+//! How do I use depth that a sensor or another program's network gives? `cargo run --release -p lightoctree --example
+//! external_depth [PHOTO DEPTH [SCENE]]`
 
 use std::error::Error;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! How do I put an object into the photo? `cargo run --release -p lightoctree --example insert [SCENE [MESH [PICTURE]]]`
+//! How do I put an object into the photo? `cargo run --release -p lightoctree --example insert [SCENE [MESH
+//! [PICTURE]]]`
 //!
 //! The example `estimate` makes the scene.
 

@@ -1,4 +1,5 @@
-//! How do I get panoramas all over the room, and stop when I have enough? `cargo run --release -p lightoctree --example probes [SCENE [FOLDER]]`
+//! How do I get panoramas all over the room, and stop when I have enough? `cargo run --release -p lightoctree --example
+//! probes [SCENE [FOLDER]]`
 //!
 //! The example `estimate` makes the scene.
 

@@ -2,7 +2,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use lightoctree::geometry::Vec3;
 use lightoctree::scene::LightEdits;
-use lightoctree::{FittedLight, GuessedLight, LaidLight, LitScene};
+use lightoctree::{AppliedLight, FittedLight, GuessedLight, LitScene};
 
 use crate::{OpenScene, SessionError, State};
 
@@ -16,7 +16,7 @@ pub struct LitScenes {
     /// The last one whose lamps are a preview.
     draft: Mutex<Option<Lit>>,
     /// The newest last.
-    laid: Mutex<Vec<Arc<LaidLight>>>,
+    laid: Mutex<Vec<Arc<AppliedLight>>>,
     /// Held while lamps are fitted.
     fitting: Mutex<()>,
 }
@@ -31,7 +31,7 @@ struct Lit {
 impl LitScenes {
     /// Of one scene.
     pub fn new(open: Arc<OpenScene>) -> Self {
-        let laid = Mutex::new(vec![Arc::new(open.fitted.usual().clone())]);
+        let laid = Mutex::new(vec![Arc::new(open.fitted.default_light().clone())]);
         Self { open, last: Mutex::default(), draft: Mutex::default(), laid, fitting: Mutex::default() }
     }
 
@@ -61,8 +61,8 @@ impl LitScenes {
                 lit(&self.last, state, None, || Ok(self.open.fitted.lit(&laid, &state.lights)?))
             }
             Some(at) => lit(&self.last, state, Some(at), || {
-                let fitted = FittedLight::seen_from(&self.open.document.estimate, at);
-                Ok(fitted.lit(&fitted.laid(&state.guessed())?, &state.lights)?)
+                let fitted = FittedLight::for_viewpoint(&self.open.document.estimate, at);
+                Ok(fitted.lit(&fitted.apply(&state.guessed())?, &state.lights)?)
             }),
         }
     }
@@ -80,7 +80,7 @@ impl LitScenes {
         lit(&self.draft, state, None, || {
             let like = locked(&self.laid).last().cloned();
             let fitted = &self.open.fitted;
-            let laid = fitted.drafted(&guessed, like.as_deref().unwrap_or(fitted.usual()))?;
+            let laid = fitted.preview(&guessed, like.as_deref().unwrap_or(fitted.default_light()))?;
             Ok(fitted.lit(&laid, &state.lights)?)
         })
     }
@@ -89,17 +89,17 @@ impl LitScenes {
         self.open.estimate().light.lobes.as_ref().map(|_| self.middle(state)).transpose()
     }
 
-    fn known(&self, guessed: &GuessedLight) -> Option<Arc<LaidLight>> {
-        locked(&self.laid).iter().find(|laid| laid.guessed() == guessed).cloned()
+    fn known(&self, guessed: &GuessedLight) -> Option<Arc<AppliedLight>> {
+        locked(&self.laid).iter().find(|laid| laid.choice() == guessed).cloned()
     }
 
-    fn laid(&self, guessed: &GuessedLight) -> Result<Arc<LaidLight>, SessionError> {
+    fn laid(&self, guessed: &GuessedLight) -> Result<Arc<AppliedLight>, SessionError> {
         // Concurrent callers share one result.
         let _fitting = locked(&self.fitting);
         if let Some(laid) = self.known(guessed) {
             return Ok(laid);
         }
-        let new = Arc::new(self.open.fitted.laid(guessed)?);
+        let new = Arc::new(self.open.fitted.apply(guessed)?);
         let mut laid = locked(&self.laid);
         if laid.len() >= LAID {
             laid.remove(0);

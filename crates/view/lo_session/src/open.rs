@@ -2,7 +2,7 @@ use std::path::Path;
 
 use lightoctree::geometry::Vec3;
 use lightoctree::insert::{Ground, SeenSurfaces};
-use lightoctree::lo_lights::ListedLight;
+use lightoctree::lights::ListedLight;
 use lightoctree::scene::Room;
 use lightoctree::{Document, Estimate, FittedLight};
 use serde::Serialize;
@@ -49,7 +49,7 @@ impl OpenScene {
 
     /// Its lights, without changes.
     pub fn lights(&self) -> &[ListedLight] {
-        self.fitted.listed()
+        self.fitted.lights()
     }
 
     /// What objects stand on.

@@ -98,7 +98,9 @@ impl Source {
             }
         };
         let open = OpenScene::new(file, document);
-        notes.extend(open.fitted.usual().report().fit.warning().iter().map(|warning| (text.warning)(warning, &[])));
+        notes.extend(
+            open.fitted.default_light().report().fit.warning().iter().map(|warning| (text.warning)(warning, &[])),
+        );
         Ok(Opened { open, is_saved, notes })
     }
 }
