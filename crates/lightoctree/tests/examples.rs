@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use lightoctree::geometry::{Vec3, pixel_solid_angle_sr, uv_from_direction};
-use lightoctree::imaging::{self, RadianceImage, luminance};
+use lightoctree::imaging::{self, Photo, RadianceImage, luminance};
 use lightoctree::insert::{Align, Placement};
 use lightoctree::{Document, Estimate};
 
@@ -50,17 +50,16 @@ fn examples_write_what_the_photo_shows() {
     assert_probes(&probes, &measured);
 }
 
-/// Depth predicted from the photo agrees with the LiDAR's up to scale.
+/// Depth predicted from the photo agrees with the LiDAR's.
 fn assert_predicted_depth(alone: &Estimate, measured: &Estimate) {
     let (predicted, truth) = (alone.frame.working().depth_m, measured.frame.working().depth_m);
     let read = truth.pixels().iter().zip(predicted.pixels()).filter(|(truth, _)| **truth > 0.0);
     let ratios: Vec<f32> = read.map(|(truth, predicted)| predicted / truth).collect();
     let scale = median(ratios.clone());
     let error = median(ratios.into_iter().map(|ratio| (ratio / scale - 1.0).abs()).collect());
-    eprintln!("depth {scale} {error}");
-    // The model card states a mean error of 29 % on real rooms, 16 % once the scale is corrected. Both bounds are about
-    // twice these figures.
-    assert!((0.6..1.6).contains(&scale) && error < 0.3, "scale {scale}, error {error}");
+    // The model card states a mean error of 29 % on real rooms, and 16 % after scale correction. This photo has 10 %
+    // and 5 %.
+    assert!((0.7..1.4).contains(&scale) && error < 0.16, "scale {scale}, error {error}");
 }
 
 /// The panorama shows the photo's surfaces in the photo's radiance.
@@ -96,45 +95,49 @@ fn assert_panorama(panorama: &RadianceImage, measured: &Estimate) {
         };
         let ratio = mean(|pair| pair.1) / mean(|pair| pair.0);
         let error = median(pairs.iter().map(|(expected, got)| (got[c] / expected[c] - 1.0).abs()).collect());
-        eprintln!("panorama {c} {ratio} {error}");
-        assert!((ratio - 1.0).abs() < 0.1 && error < 0.3, "channel {c}: mean off by {ratio}, pixels by {error}");
+        // Pixels of photo and panorama do not coincide, and depth edges differ by a pixel: 2 % in the mean and in the
+        // median. A panorama turned by five pixels (3.5°) has a median of 19 %, a mirrored one 33 %.
+        assert!((ratio - 1.0).abs() < 0.05 && error < 0.08, "channel {c}: ratio of means {ratio}, median {error}");
     }
 }
 
-/// The object changes the pixels that it covers, and nothing far from it.
+/// The object changes all pixels in its middle, and changes fade with the distance from it.
 fn assert_inserted(image: &Path, measured: &Estimate) {
-    let (before, after) = (measured.frame.photo.clone(), imaging::read_photo(image).unwrap().photo);
+    let (before, after) = (&measured.frame.photo, imaging::read_photo(image).unwrap().photo);
+    let (Photo::Srgb8(before), Photo::Srgb8(after)) = (before, &after) else { panic!("both have 8 bits") };
     let (width, height) = (before.width(), before.height());
     assert_eq!((after.width(), after.height()), (width, height));
-    // The example's object is 0.5 m high and rests on this pixel; Suzanne is 1.4 times as wide and 0.9 times as deep.
+    // The example's object is 0.5 m high and rests on this pixel.
     let (u, v) = (0.53 * width as f64, 0.79 * height as f64);
     let rest_m = Placement::rest_on_pixel(measured, u, v, Align::Gravity).unwrap().position_m;
-    let centre_m = rest_m + 0.25 * measured.up();
-    let (centre_u, centre_v, depth_m) = measured.frame.camera.project(centre_m).unwrap();
-    let pixels_per_m = measured.frame.camera.fx / depth_m;
-    let (mut core, mut changed_core, mut far, mut changed_far, mut farthest) = (0, 0, 0, 0, 0.0f64);
-    let mut hist = [0usize; 40];
+    let camera = measured.frame.camera;
+    let (centre_u, centre_v, depth_m) = camera.project(rest_m + 0.25 * measured.up()).unwrap();
+    let pixels_per_m = camera.fx / depth_m;
+    let (mut middle, mut unchanged, mut beside, mut far) = (0, 0, 0, 0);
     for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
         let distance_m = (x as f64 + 0.5 - centre_u).hypot(y as f64 + 0.5 - centre_v) / pixels_per_m;
-        let changed = before.linear_at((x, y)) != after.linear_at((x, y));
-        if changed {
-            farthest = farthest.max(distance_m);
-            hist[((distance_m * 10.0) as usize).min(39)] += 1;
-        }
-        if distance_m < 0.15 {
-            core += 1;
-            changed_core += usize::from(changed);
-        } else if distance_m > 1.5 {
-            far += 1;
-            changed_far += usize::from(changed);
+        let [a, b] = [before, after].map(|image| image[(x, y)]);
+        let levels = (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap_or(0);
+        match distance_m {
+            // Suzanne's silhouette contains this circle.
+            ..0.15 => {
+                middle += 1;
+                unchanged += usize::from(levels == 0);
+            }
+            // The bounding sphere of 0.5 × 0.7 × 0.45 m.
+            ..0.5 => {}
+            ..1.0 => beside = beside.max(levels),
+            _ => far = far.max(levels),
         }
     }
-    eprintln!("insert {core} {changed_core} {far} {changed_far} {farthest} {hist:?} px/m {pixels_per_m}");
-    assert!(changed_core as f64 > 0.95 * core as f64, "the object covers {changed_core} of {core} pixels of its core");
-    assert_eq!(changed_far, 0, "of {far} pixels more than 1.5 m away; the farthest change is at {farthest} m");
+    // Few pixels of the object happen to have the photo's colour.
+    assert!(middle > 10_000 && unchanged * 20 < middle, "{unchanged} of {middle} pixels of the object are the photo's");
+    // Soft shadow and bounced light only: up to 5 of 255 levels beside the object, 2 beyond twice its height. The
+    // object itself changes pixels by up to 188 levels.
+    assert!(beside <= 10 && far <= 4, "changes by {beside} levels beside the object and by {far} far from it");
 }
 
-/// Probes differ from each other, and all have the room's brightness.
+/// Probes differ from each other, and their brightness is of the photo's order.
 fn assert_probes(files: &[PathBuf], measured: &Estimate) {
     let probes: Vec<RadianceImage> = files.iter().map(|file| imaging::read_radiance(file).unwrap()).collect();
     let photo = measured.frame.working().radiance();
@@ -142,14 +145,16 @@ fn assert_probes(files: &[PathBuf], measured: &Estimate) {
     for probe in &probes {
         assert_eq!((probe.width(), probe.height()), (128, 64));
         assert!(probe.pixels().iter().flatten().all(|c| c.is_finite() && *c >= 0.0));
-        eprintln!("probe mean {} photo {photo_mean}", sphere_mean(probe, |at| luminance(probe[at])));
+        // The room's lamps and windows are outside the photo, so the sphere is brighter: by a factor of 2.2 to 2.9.
+        let ratio = sphere_mean(probe, |at| luminance(probe[at])) / photo_mean;
+        assert!((0.5..6.0).contains(&ratio), "the probe is brighter than the photo by a factor of {ratio}");
     }
     for (i, a) in probes.iter().enumerate() {
         for (j, b) in probes.iter().enumerate().skip(i + 1) {
             let difference = sphere_mean(a, |at| (luminance(a[at]) - luminance(b[at])).abs());
             let mean = sphere_mean(a, |at| 0.5 * (luminance(a[at]) + luminance(b[at])));
-            eprintln!("probes {i} {j} {}", difference / mean);
-            assert!(difference > 0.05 * mean, "probes {i} and {j} differ by {difference} of {mean}");
+            // The positions are more than a metre apart. All pairs differ by 33 % or more.
+            assert!(difference > 0.15 * mean, "probes {i} and {j} differ by {difference}, with a mean of {mean}");
         }
     }
 }

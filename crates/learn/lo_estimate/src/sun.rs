@@ -63,9 +63,8 @@ pub fn supported_sun(estimate: &Estimate, object: [f64; 2], shadow: [f64; 2]) ->
 
 /// Estimates the radiance of the sun from the sun patches in an estimate's photo.
 ///
-/// `direction` is the unit vector towards the sun, `angular_radius_deg` its angular radius in degrees (the real sun's
-/// is
-/// 0.27). Returns `None` if no surface that faces the sun has a patch with sharp edges.
+/// `direction` is the unit vector towards the sun. `angular_radius_deg` is its angular radius in degrees, 0.27 for the
+/// real sun. Returns `None` if no surface that faces the sun has a patch with sharp edges.
 ///
 /// At an edge of a patch on any diffuse surface, the radiances in sun and shade have the ratio (E + S cos θ) / E. E is
 /// the irradiance of the shade in plausible light, S the sun's irradiance at normal incidence.
