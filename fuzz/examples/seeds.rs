@@ -11,10 +11,10 @@ use exr::compression::Compression;
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use lightoctree::geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceImage};
-use lightoctree::octree::{Provenance, LightOctree, RadiancePoint};
+use lightoctree::octree::{LightOctree, Provenance, RadiancePoint};
 use lightoctree::scene::{
-    AnalyticLight, Completion, EmitterEdit, ExpectedLight, Frame, LightChange, LightColor, LightEdits, LightShape,
-    Estimate, EstimateOrigin, ObjectDisplay, Room, RoomPlane, SceneFile, SceneObjects, Side,
+    AnalyticLight, Completion, EmitterEdit, Estimate, EstimateOrigin, ExpectedLight, Frame, LightChange, LightColor,
+    LightEdits, LightShape, ObjectDisplay, Room, RoomPlane, SceneFile, SceneObjects, Side,
 };
 use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 

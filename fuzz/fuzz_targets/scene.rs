@@ -5,7 +5,7 @@ use libfuzzer_sys::fuzz_target;
 use lightoctree::cone::OctreeRenderer;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::RadianceImage;
-use lightoctree::lo_lights::AnalyticLights;
+use lightoctree::lights::AnalyticLights;
 use lightoctree::{Document, LightPurpose};
 
 fuzz_target!(|bytes: &[u8]| {

@@ -4,9 +4,9 @@
 use std::sync::{Arc, LazyLock};
 
 use libfuzzer_sys::fuzz_target;
+use lightoctree::Document;
 use lightoctree::geometry::Quat;
 use lightoctree::imaging::RadianceImage;
-use lightoctree::Document;
 use lightoctree::scene::{Completion, ExpectedLight};
 use lo_session::{OpenScene, Session, SessionError, overlay, probe_position};
 use lo_viewer::protocol::FromPage;
@@ -15,7 +15,8 @@ use lo_viewer::protocol::FromPage;
 const MAX_MESSAGES: usize = 64;
 
 static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
-    let mut document = Document::from_bytes(include_bytes!("../corpus/scene/srgb8_edited.scene")).expect("the seed scene is valid");
+    let mut document =
+        Document::from_bytes(include_bytes!("../corpus/scene/srgb8_edited.scene")).expect("the seed scene is valid");
     // With expected light, so that the choice of light has an effect.
     let radiance = RadianceImage::from_fn(8, 4, |x, y| [0.5 + x as f32, 0.5 + y as f32, 1.0]);
     let expected = Some(ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0));
@@ -74,7 +75,7 @@ fuzz_target!(|text: &str| {
     }
     // Every chosen light can be computed.
     if session.state().lights.guessed.is_some() {
-        session.scene().fitted.laid(&session.state().guessed()).expect("invalid white pixels are refused");
+        session.scene().fitted.apply(&session.state().guessed()).expect("invalid white pixels are refused");
     }
     while session.undo() {}
     // Seeking is not a step of the history.

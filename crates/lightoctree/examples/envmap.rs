@@ -1,6 +1,8 @@
-//! How do I get the light at a point as an HDR panorama? `cargo run --release -p lightoctree --example envmap [SCENE [PANORAMA]]`
+//! Renders the light at a point as an HDR panorama.
 //!
-//! The example `estimate` makes the scene.
+//! `cargo run --release -p lightoctree --example envmap [SCENE [PANORAMA]]`
+//!
+//! The example `estimate` writes SCENE.
 
 use std::error::Error;
 use std::path::Path;
@@ -15,12 +17,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     run(next("room.scene").as_ref(), next("panorama.exr").as_ref())
 }
 
-/// Reads, renders, writes.
+/// Reads the scene, renders the panorama and writes it.
 pub fn run(scene: &Path, panorama: &Path) -> Result<(), Box<dyn Error>> {
     let document = Document::read(scene)?;
-    // The expected light of the room, with what the user edited.
+    // Expected light, with the user's edits.
     let lit = document.lit(LightPurpose::Panorama)?;
-    // Metres: +X right, +Y up, and the camera in the origin looks along −Z. This is a metre and a half before it.
+    // Metres: +X right, +Y up. The camera is at the origin and looks along −Z; this is 1.5 m in front of it.
     let point = Vec3::new(0.0, 0.0, -1.5);
     let rendering = SceneRenderer::new(&lit).panorama(point, 512, 256);
     let options = ExrOptions {

@@ -1,4 +1,6 @@
-//! How do I get from a photo to a scene file? `cargo run --release -p lightoctree --example estimate [PHOTO [SCENE]]`
+//! Estimates a scene file from a photo.
+//!
+//! `cargo run --release -p lightoctree --example estimate [PHOTO [SCENE]]`
 
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -14,14 +16,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     run(next(PHOTO).as_ref(), next("room.scene").as_ref())
 }
 
-/// Reads, estimates, writes.
+/// Reads the photo, estimates the room and writes the scene.
 pub fn run(photo: &Path, scene: &Path) -> Result<(), Box<dyn Error>> {
     let photo = imaging::read_photo(photo)?;
     let estimator = Estimator::shipped()?;
-    // From EXIF where there is any; else the network tells the lens from the photo.
+    // The lens is from EXIF, or estimated by the network.
     let (camera, _source) = estimator.camera_of(&photo)?;
     let input = Input::Photo { photo: photo.photo, camera };
-    // Every step says what it does, and the answer decides whether the next one follows.
+    // Receives progress and warnings; `ControlFlow::Break(())` would cancel the estimate.
     let mut on_event = |event| {
         match event {
             Event::Done { stage, took } => eprintln!("{stage:?} in {took:.1?}"),

@@ -1,4 +1,6 @@
-//! How do I use depth that a sensor or another program's network gives? `cargo run --release -p lightoctree --example external_depth [PHOTO DEPTH [SCENE]]`
+//! Estimates a scene file from a photo and a depth map, from a sensor or another network.
+//!
+//! `cargo run --release -p lightoctree --example external_depth [PHOTO DEPTH [SCENE]]`
 
 use std::error::Error;
 use std::path::Path;
@@ -15,15 +17,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     run(next(PHOTO).as_ref(), next(DEPTH).as_ref(), next("room.scene").as_ref())
 }
 
-/// Reads, estimates, writes.
+/// Reads photo and depth, estimates the room and writes the scene.
 pub fn run(photo: &Path, depth: &Path, scene: &Path) -> Result<(), Box<dyn Error>> {
     let photo = imaging::read_photo(photo)?;
     let estimator = Estimator::shipped()?;
     let (camera, _source) = estimator.camera_of(&photo)?;
-    // Metres along the optical axis, of any resolution. Integers are millimetres unless a scale is given.
+    // Depth in metres along the optical axis, at any resolution. Integers are millimetres unless a scale is given.
     let depth_m = imaging::read_depth(depth, None)?;
     let frame = Frame::new(photo.photo, depth_m, camera, 1.0)?;
-    // A network's depth is `Input::PredictedDepth`: its floors are wavy, and so it is trusted less.
+    // Depth from a network is `Input::PredictedDepth`: its floors are wavy, so up is estimated differently.
     let input = Input::MeasuredDepth(frame);
     let estimate = estimator.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
     Ok(Document::new(estimate).write(scene, "example external_depth")?)

@@ -1,6 +1,8 @@
-//! How do I put an object into the photo? `cargo run --release -p lightoctree --example insert [SCENE [MESH [PICTURE]]]`
+//! Inserts an object into the photo.
 //!
-//! The example `estimate` makes the scene.
+//! `cargo run --release -p lightoctree --example insert [SCENE [MESH [IMAGE]]]`
+//!
+//! The example `estimate` writes SCENE.
 
 use std::error::Error;
 use std::path::Path;
@@ -17,19 +19,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     run(next("room.scene").as_ref(), next(MESH).as_ref(), next("inserted.png").as_ref())
 }
 
-/// Reads, renders, writes.
-pub fn run(scene: &Path, mesh: &Path, picture: &Path) -> Result<(), Box<dyn Error>> {
+/// Reads the scene, inserts the mesh and writes the image.
+pub fn run(scene: &Path, mesh: &Path, image: &Path) -> Result<(), Box<dyn Error>> {
     let document = Document::read(scene)?;
     let estimate = &*document.estimate;
     let model = PreparedModel::new(Model::load(mesh, &LoadOptions::default())?);
-    // Half a metre high, on what is seen in the lower middle of the photo.
+    // Half a metre high, resting on the surface in the lower middle of the photo.
     let (width, height) = (estimate.frame.photo.width() as f64, estimate.frame.photo.height() as f64);
-    let place = Placement::rest_on_pixel(estimate, 0.53 * width, 0.79 * height, Align::Gravity)?
+    let placement = Placement::rest_on_pixel(estimate, 0.53 * width, 0.79 * height, Align::Gravity)?
         .scaled(0.5 / model.bounds().size().y)
         .settled(estimate, &Base::new(&model));
-    // Plausible light, with lamps that the photo does not show but whose shading it does.
-    let lit = document.lit(LightPurpose::Objects { at_m: place.position_m })?;
+    // Plausible light: lamps outside the photo are inferred from its shading.
+    let lit = document.lit(LightPurpose::Objects { at_m: placement.position_m })?;
     let inserter = Inserter::new(&lit, Lighting::Octree, Quality::Draft)?;
-    let composite = inserter.render(&[Instance::new(&model, place)], &mut events::ignore)?;
-    Ok(imaging::write_photo(picture, &composite.image, "example insert")?)
+    let composite = inserter.render(&[Instance::new(&model, placement)], &mut events::ignore)?;
+    Ok(imaging::write_photo(image, &composite.image, "example insert")?)
 }

@@ -1,6 +1,8 @@
-//! How do I get panoramas all over the room, and stop when I have enough? `cargo run --release -p lightoctree --example probes [SCENE [FOLDER]]`
+//! Renders panoramas at a grid of points, with progress and cancellation.
 //!
-//! The example `estimate` makes the scene.
+//! `cargo run --release -p lightoctree --example probes [SCENE [FOLDER]]`
+//!
+//! The example `estimate` writes SCENE.
 
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -15,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     run(next("room.scene").as_ref(), next("probes").as_ref())
 }
 
-/// Reads, renders, writes.
+/// Reads the scene, renders the panoramas and writes one file for each.
 pub fn run(scene: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
     let document = Document::read(scene)?;
     std::fs::create_dir_all(folder)?;
@@ -25,7 +27,7 @@ pub fn run(scene: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
         let file = folder.join(format!("probe_{index}.exr"));
         Ok(imaging::write_radiance(file, &rendering.radiance, &options)?)
     };
-    // `ControlFlow::Break` would end it between two panoramas.
+    // `ControlFlow::Break(())` would cancel between two panoramas.
     let mut on_event = |event: Event| {
         if let Some(fraction) = event.fraction() {
             eprintln!("{:.0} %", 100.0 * fraction);

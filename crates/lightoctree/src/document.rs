@@ -2,7 +2,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use lo_estimate::{FittedLight, LightReport, LightingError, indirect_only, lit_by, plausible, seen_from};
+use lo_estimate::{
+    FittedLight, LightReport, LightingError, apply_light, for_viewpoint, indirect_only, plausible_light,
+};
 use lo_geometry::Vec3;
 use lo_insert::{Layout, PathSource};
 use lo_lights::ListedLight;
@@ -15,9 +17,9 @@ use lo_scene::{
 use crate::builtin::{BUILTIN_PREFIX, builtin_mesh};
 use crate::{ModelError, Models};
 
-/// An estimate with the user's edits of its light and the objects in its photo: what a `.scene` file holds.
+/// An estimate with the user's light edits and inserted objects, as stored in a `.scene` file.
 ///
-/// A document saves; its [`LitScene`] renders.
+/// [`Document::lit`] returns the [`LitScene`] that renders.
 ///
 /// ```no_run
 /// use lightoctree::{Document, LightPurpose, SceneRenderer, geometry::Vec3};
@@ -29,55 +31,58 @@ use crate::{ModelError, Models};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Document {
-    /// The estimate, which edits leave as it is.
+    /// The estimate, unaffected by edits.
     pub estimate: Arc<Estimate>,
-    /// The user's changes of its light.
+    /// The user's edits of lights and choice of inferred light.
     pub light_edits: LightEdits,
-    /// The objects in its photo. They name only meshes of [`Document::meshes`], and such as the library carries.
+    /// The objects inserted into the photo. Their meshes are in [`Document::meshes`] or built in.
     pub layout: Option<Layout>,
-    /// Files of the objects' meshes by name; `car.obj/car.mtl` is the file `car.mtl` that `car.obj` refers to.
+    /// Contents of the objects' mesh files by name.
+    ///
+    /// Files that a mesh refers to are named after it: `car.obj/car.mtl` is the `car.mtl` of `car.obj`.
     pub meshes: BTreeMap<String, Arc<[u8]>>,
-    /// How the objects are shown.
+    /// Presentation of the objects: gloss of the floor, frame rate, time.
     pub shown: ObjectDisplay,
 }
 
-/// What light is needed for.
+/// The purpose for which a document is lit. It determines the default of inferred light.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum LightPurpose {
-    /// Panoramas of the room: expected light, unless the document chooses another one.
+    /// Panoramas of the room. Default: expected light.
     Panorama,
-    /// Inserted objects: plausible light, unless the document chooses another one.
+    /// Inserted objects. Default: plausible light.
     Objects {
-        /// The objects' middle, metres, towards which radiance goes where it differs by direction.
+        /// Centre of the objects in metres, for which directional radiance is evaluated.
         at_m: Vec3,
     },
-    /// Export to other programs: plausible light, unless the document chooses another one.
+    /// Export to other programs. Default: plausible light.
     Export,
-    /// Relighting by the user's own lights: only what surfaces reflect. Edits do not count.
+    /// Relighting with lights of another program: reflected light without emitters. Edits are ignored.
     IndirectOnly,
 }
 
-/// Why a scene file is no document.
+/// An error in reading or writing a document.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DocumentError {
-    /// The file cannot be read, or is damaged.
+    /// The scene file cannot be read or written, or is damaged.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// Its objects are damaged or incomplete.
+    /// The scene's objects are damaged or incomplete.
     #[error(transparent)]
     Objects(#[from] ModelError),
 }
 
+/// Creates a document without edits and objects.
 impl From<Estimate> for Document {
-    /// An estimate without edits and objects.
     fn from(estimate: Estimate) -> Self {
         Self::new(estimate)
     }
 }
 
 impl Document {
-    /// An estimate without edits and objects.
+    /// Creates a document without edits and objects.
     pub fn new(estimate: impl Into<Arc<Estimate>>) -> Self {
         Self {
             estimate: estimate.into(),
@@ -91,20 +96,21 @@ impl Document {
     /// Reads a scene file.
     ///
     /// # Errors
-    /// Files that cannot be read or are damaged, and objects that refer to files outside of it.
+    /// - [`DocumentError::Scene`] if the file cannot be read or is damaged.
+    /// - [`DocumentError::Objects`] if its layout is invalid or refers to files outside the scene file.
     pub fn read(path: &Path) -> Result<Self, DocumentError> {
-        Self::of_file(SceneFile::read(path)?)
+        Self::from_file(SceneFile::read(path)?)
     }
 
-    /// Reads the bytes of a scene file.
+    /// Reads a scene from the bytes of a scene file.
     ///
     /// # Errors
-    /// Those of [`Document::read`].
+    /// The errors of [`Document::read`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, DocumentError> {
-        Self::of_file(SceneFile::from_bytes(bytes)?)
+        Self::from_file(SceneFile::from_bytes(bytes)?)
     }
 
-    fn of_file(SceneFile { estimate, light_edits, objects }: SceneFile) -> Result<Self, DocumentError> {
+    fn from_file(SceneFile { estimate, light_edits, objects }: SceneFile) -> Result<Self, DocumentError> {
         let SceneObjects { layout, files, shown } = objects;
         let layout = if layout.is_empty() {
             None
@@ -116,18 +122,18 @@ impl Document {
         Ok(Self { estimate, light_edits, layout, meshes: files, shown })
     }
 
-    /// Writes the scene file; it appears whole or not at all. `generator` names the writing program in it.
+    /// Writes a scene file atomically. `generator` is the name of the writing program, stored in the file.
     ///
     /// # Errors
-    /// Those of the file system, and objects that would not be read again.
+    /// If the file cannot be written, or the objects could not be read again.
     pub fn write(&self, path: &Path, generator: &str) -> Result<(), DocumentError> {
         Ok(self.to_file()?.write(path, generator)?)
     }
 
-    /// The bytes of the scene file. The same document gives the same bytes.
+    /// Returns the bytes of the scene file. Equal documents have equal bytes.
     ///
     /// # Errors
-    /// Objects that would not be read again.
+    /// If the objects could not be read again.
     pub fn to_bytes(&self, generator: &str) -> Result<Vec<u8>, DocumentError> {
         Ok(self.to_file()?.to_bytes(generator)?)
     }
@@ -139,75 +145,78 @@ impl Document {
         Ok(SceneFile { estimate: self.estimate.clone(), light_edits: self.light_edits.clone(), objects })
     }
 
-    /// The choice of light for a purpose: the document's own, else the purpose's default.
+    /// Returns the document's choice of inferred light, or the purpose's default if there is none.
     pub fn guessed_light(&self, purpose: LightPurpose) -> GuessedLight {
         self.light_edits
             .guessed
             .unwrap_or_else(|| GuessedLight { light: purpose.default_light(), tuning: LightTuning::default() })
     }
 
-    /// The estimate in the light for a purpose, with all edits.
+    /// Lights the estimate for a purpose, with all edits.
     ///
     /// # Errors
-    /// Edits of emitters that do not exist, and a white pixel without a colour.
+    /// - [`LightingError::Edit`] if an edit refers to an emitter that does not exist.
+    /// - [`LightingError::White`] or [`LightingError::WhiteWithoutColour`] if the white pixel cannot be used.
     pub fn lit(&self, purpose: LightPurpose) -> Result<LitScene, LightingError> {
         Ok(self.lit_with_report(purpose)?.0)
     }
 
-    /// [`Document::lit`], and how inferred light was changed.
+    /// Like [`Document::lit`], and reports how inferred light was changed.
     ///
     /// # Errors
-    /// Those of [`Document::lit`].
+    /// The errors of [`Document::lit`].
     pub fn lit_with_report(&self, purpose: LightPurpose) -> Result<(LitScene, LightReport), LightingError> {
         let estimate = match purpose {
             LightPurpose::IndirectOnly => return Ok((indirect_only(&self.estimate), LightReport::default())),
-            LightPurpose::Objects { at_m } => seen_from(&self.estimate, at_m),
+            LightPurpose::Objects { at_m } => for_viewpoint(&self.estimate, at_m),
             LightPurpose::Panorama | LightPurpose::Export => self.estimate.clone(),
         };
         let guessed = self.guessed_light(purpose);
         if !self.light_edits.has_lights() {
-            return lit_by(&estimate, &guessed);
+            return apply_light(&estimate, &guessed);
         }
         let fitted = FittedLight::new(estimate);
-        let laid = fitted.laid(&guessed)?;
-        Ok((fitted.lit(&laid, &self.light_edits)?, laid.report().clone()))
+        let applied = fitted.apply(&guessed)?;
+        Ok((fitted.lit(&applied, &self.light_edits)?, applied.report().clone()))
     }
 
-    /// The lights as bright as objects are lit by them in plausible light as estimated, and those that the user added.
+    /// Lists the emitters of plausible light without tuning, with the user's edits, and the lights that the user added.
     ///
-    /// Emitters have the names of this list whichever light is chosen, and however it is tuned.
+    /// The emitters' names in this list are valid for every choice of light and tuning.
     pub fn lights(&self) -> Vec<ListedLight> {
-        lo_lights::list(&plausible(&self.estimate).0, &self.light_edits)
+        lo_lights::list(&plausible_light(&self.estimate).0, &self.light_edits)
     }
 
-    /// A mesh of the objects, or one that the library carries.
+    /// Loads a mesh of [`Document::meshes`], or a built-in model if the name has
+    /// [`BUILTIN_PREFIX`](crate::BUILTIN_PREFIX).
     ///
     /// # Errors
-    /// A mesh that is in neither, or that cannot be read.
+    /// - [`ModelError::MissingMesh`] or [`ModelError::Builtin`] if there is no such mesh.
+    /// - [`ModelError::Mesh`] if the mesh is invalid.
     pub fn mesh(&self, name: &str) -> Result<Model, ModelError> {
         if let Some(model) = builtin_mesh(name)? {
             return Ok(model);
         }
-        let bytes = self.meshes.get(name).ok_or_else(|| ModelError::NotHeld { name: name.to_owned() })?;
+        let bytes = self.meshes.get(name).ok_or_else(|| ModelError::MissingMesh { name: name.to_owned() })?;
         let resolve = |part: &str| {
             let part = part.rsplit(['/', '\\']).next().unwrap_or_default();
             let held = self.meshes.get(&format!("{name}/{part}"));
-            held.map(|bytes| bytes.to_vec()).ok_or_else(|| std::io::Error::other("the scene does not hold it"))
+            held.map(|bytes| bytes.to_vec()).ok_or_else(|| std::io::Error::other("it is not in the scene file"))
         };
         Ok(Model::from_bytes(name, bytes, &resolve, &LoadOptions::default())?)
     }
 
-    /// The models of a layout whose meshes are the document's own; no file is read.
+    /// Loads the models of a layout from [`Document::meshes`], without access to the file system.
     ///
     /// # Errors
-    /// Those of [`Document::mesh`], and materials that cannot be used.
+    /// The errors of [`Document::mesh`], and [`ModelError::Material`] if a material is invalid.
     pub fn models(&self, layout: &Layout) -> Result<Models, ModelError> {
-        Models::by(layout, Path::new(""), |object| self.mesh(&object.mesh.to_string_lossy()))
+        Models::load_by(layout, Path::new(""), |object| self.mesh(&object.mesh.to_string_lossy()))
     }
 }
 
 impl LightPurpose {
-    /// The light that serves this purpose where nobody chose one.
+    /// Returns the inferred light for this purpose in a document without a choice of light.
     pub fn default_light(self) -> LightMode {
         match self {
             Self::Panorama | Self::IndirectOnly => LightMode::Expected,
@@ -216,19 +225,20 @@ impl LightPurpose {
     }
 }
 
-/// Whether a layout refers to nothing outside of `meshes`.
+/// Checks that a layout refers only to `meshes` and built-in models.
 fn check_self_contained(layout: &Layout, meshes: &BTreeMap<String, Arc<[u8]>>) -> Result<(), ModelError> {
     for object in layout.objects() {
-        let outside = |what: &str| ModelError::Outside { object: object.name().to_owned(), what: what.to_owned() };
+        let external =
+            |file: &str| ModelError::ExternalFile { object: object.name().to_owned(), file: file.to_owned() };
         let mesh = object.mesh.to_string_lossy();
         if !mesh.starts_with(BUILTIN_PREFIX) && !meshes.contains_key(&*mesh) {
-            return Err(outside(&mesh));
+            return Err(external(&mesh));
         }
         if let Some(PathSource::File(file)) = &object.path {
-            return Err(outside(&file.to_string_lossy()));
+            return Err(external(&file.to_string_lossy()));
         }
         if let Some(file) = object.material.as_ref().and_then(|material| material.files().next()) {
-            return Err(outside(file));
+            return Err(external(file));
         }
     }
     Ok(())

@@ -3,41 +3,45 @@ use lo_mesh::MeshError;
 
 use crate::{BUILTIN_MODELS, BUILTIN_PREFIX};
 
-/// Why an object has no model.
+/// An error in the objects of a layout or document, or in their meshes.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ModelError {
-    /// The mesh cannot be used.
+    /// The mesh cannot be read or is invalid.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// Its material cannot be used.
+    /// A material cannot be read or is invalid.
     #[error("material of {object}: {source}")]
     Material {
-        /// The object's name.
+        /// Name of the object.
         object: String,
-        /// Why not.
+        /// Underlying error.
         source: MeshError,
     },
-    /// What stands in a scene is no layout.
+    /// The layout in a scene file is invalid.
     #[error("the scene's objects: {0}")]
     Layout(#[from] InsertError),
-    /// An object of a scene names a file beside it.
-    #[error("the scene's objects: {object} needs {what}, which the scene does not hold")]
-    Outside {
-        /// The object's name.
+    /// An object in a scene file refers to a file outside it.
+    #[error("the scene's objects: {object} needs {file}, which is not in the scene file")]
+    ExternalFile {
+        /// Name of the object.
         object: String,
-        /// The file.
-        what: String,
+        /// Name of the file.
+        file: String,
     },
-    /// A scene does not hold a mesh.
-    #[error("the scene does not hold the mesh {name}")]
-    NotHeld {
-        /// Which.
+    /// The document does not contain the mesh.
+    #[error("the scene does not contain the mesh {name}")]
+    MissingMesh {
+        /// Name of the mesh.
         name: String,
     },
-    /// The library carries no such model.
-    #[error("there is no {BUILTIN_PREFIX}{name}; there are {}", BUILTIN_MODELS.map(|name| format!("{BUILTIN_PREFIX}{name}")).join(", "))]
+    /// No built-in model has this name.
+    #[error(
+        "there is no built-in model {BUILTIN_PREFIX}{name}; choose one of {}",
+        BUILTIN_MODELS.map(|name| format!("{BUILTIN_PREFIX}{name}")).join(", ")
+    )]
     Builtin {
-        /// What was asked for.
+        /// The requested name, without [`BUILTIN_PREFIX`].
         name: String,
     },
 }

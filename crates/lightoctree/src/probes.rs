@@ -4,13 +4,17 @@ use lo_geometry::Vec3;
 use lo_lookup::SceneRenderer;
 use lo_scene::LitScene;
 
-/// Renders the panorama at each point, `2 × height` pixels wide and in our own orientation, and hands it to `keep` with the point's index.
+/// Renders the panorama at each point and passes it to `keep`, with the point's index.
+///
+/// `points` are in metres in the world frame. A panorama is equirectangular with `2 × height` × `height` pixels; its
+/// centre faces −Z, and +Y is up. `on_event` receives the progress.
 ///
 /// # Errors
-/// Those of `keep`, and [`Cancelled`] where `on_event` breaks off between two panoramas; those before are kept.
+/// - The first error of `keep`.
+/// - [`Cancelled`] if `on_event` breaks off. `keep` has received all panoramas up to then.
 ///
 /// # Panics
-/// Where `height` is 0.
+/// If `height` is 0.
 pub fn render_probes<E: From<Cancelled>>(
     scene: &LitScene,
     points: &[Vec3],
@@ -18,10 +22,10 @@ pub fn render_probes<E: From<Cancelled>>(
     mut keep: impl FnMut(usize, Rendering) -> Result<(), E>,
     on_event: OnEvent<'_>,
 ) -> Result<(), E> {
-    let viewers = SceneRenderer::new(scene);
+    let renderer = SceneRenderer::new(scene);
     stage_of_steps(on_event, Stage::Probes, |on_event| {
         for (index, &point) in points.iter().enumerate() {
-            keep(index, viewers.panorama(point, 2 * height, height))?;
+            keep(index, renderer.panorama(point, 2 * height, height))?;
             progress(on_event, Stage::Probes, index as u64 + 1, points.len() as u64)?;
         }
         Ok(())

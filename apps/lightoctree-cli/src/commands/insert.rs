@@ -154,7 +154,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         None => document.models(&layout),
     })?;
     models.warnings().for_each(|warning| stages.note(&warning.to_string()));
-    let models = models.of_objects();
+    let models = models.per_object();
     let placements =
         layout.placements(&*document.estimate, &models, files.len()).map_err(|error| of_object(error, &names))?;
     let instances = |frame: usize| -> Vec<Instance> {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::luminance;
-use lightoctree::lo_lights::{self, LightKind, LightOrigin, ListedLight, ShadowSupport};
+use lightoctree::lights::{self, LightKind, LightOrigin, ListedLight, ShadowSupport};
 use lightoctree::scene::{
     AnalyticLight, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE,
 };
@@ -301,8 +301,8 @@ fn reset(document: &mut Document, id: Option<&str>) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn find<'a>(lights: &'a [ListedLight], id: &str) -> Result<&'a ListedLight, lo_lights::LightsError> {
-    lights.iter().find(|light| light.id == id).ok_or_else(|| lo_lights::LightsError::Unknown {
+fn find<'a>(lights: &'a [ListedLight], id: &str) -> Result<&'a ListedLight, lights::LightsError> {
+    lights.iter().find(|light| light.id == id).ok_or_else(|| lights::LightsError::Unknown {
         id: id.to_owned(),
         known: lights.iter().map(|light| light.id.clone()).collect(),
     })
@@ -319,7 +319,7 @@ fn full() -> anyhow::Error {
 fn sun(estimate: &Arc<Estimate>, args: &SunArgs, stages: &Stages) -> anyhow::Result<AnalyticLight> {
     let direction = match (args.shadow, args.azimuth, args.elevation) {
         (Some(shadow), ..) => by_shadow(estimate, shadow, args.strength.is_some())?,
-        (None, Some(azimuth), Some(elevation)) => lo_lights::sun_direction(estimate, azimuth, elevation),
+        (None, Some(azimuth), Some(elevation)) => lights::sun_direction(estimate, azimuth, elevation),
         _ => return Err(Usage("give --azimuth and --elevation, or --shadow".into()).into()),
     };
     let angular_radius_deg = 0.5 * args.angle as f32;
@@ -328,9 +328,9 @@ fn sun(estimate: &Arc<Estimate>, args: &SunArgs, stages: &Stages) -> anyhow::Res
         let color = args.color.unwrap_or(LightColor::Rgb([1.0; 3]));
         return Ok(of_luminance(shape, color, |extent| strength as f32 / extent));
     }
-    let [azimuth, elevation] = lo_lights::sun_angles_deg(estimate, direction);
+    let [azimuth, elevation] = lights::sun_angles_deg(estimate, direction);
     let place = format!("azimuth {azimuth:.0}°, elevation {elevation:.0}°");
-    let found = lightoctree::sun_of_photo(estimate, direction, angular_radius_deg).ok_or_else(|| {
+    let found = lightoctree::sun_from_photo(estimate, direction, angular_radius_deg).ok_or_else(|| {
         Usage(format!(
             "the photo shows no sun patches with sharp edges on what faces this sun ({place}); with --strength it shines in through all that the photo does not show"
         ))
@@ -358,7 +358,7 @@ fn by_shadow(estimate: &Estimate, [thing, shadow]: [[f64; 2]; 2], is_free: bool)
         }
     }
     let found = if is_free {
-        lo_lights::sun_from_shadow(estimate, thing, shadow).ok_or(ShadowError::NotBelow)
+        lights::sun_from_shadow(estimate, thing, shadow).ok_or(ShadowError::NotBelow)
     } else {
         lightoctree::supported_sun(estimate, thing, shadow)
     };
@@ -370,7 +370,7 @@ fn no_shadow(estimate: &Estimate, [u, v]: [f64; 2], error: ShadowError) -> Strin
     let ShadowError::Unsupported { direction, support } = error else {
         return format!("{error}; name the thing's pixel first, then the shadow's");
     };
-    let [azimuth, elevation] = lo_lights::sun_angles_deg(estimate, direction);
+    let [azimuth, elevation] = lights::sun_angles_deg(estimate, direction);
     let ShadowSupport { edges, sunny, explained, against, measured } = support;
     let (least, share) = (ShadowSupport::MIN_SUNNY, 100.0 * ShadowSupport::MIN_SUNNY_SHARE);
     let hidden = if measured {
@@ -389,7 +389,7 @@ fn no_shadow(estimate: &Estimate, [u, v]: [f64; 2], error: ShadowError) -> Strin
 fn area(estimate: &Estimate, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {
     let up = estimate.up();
     let shape = match (args.size, args.direction, args.radius) {
-        (Some(size_m), Some(direction), _) => lo_lights::rectangle(args.at, direction, up, size_m, args.two_sided),
+        (Some(size_m), Some(direction), _) => lights::rectangle(args.at, direction, up, size_m, args.two_sided),
         (_, _, Some(radius)) => LightShape::Sphere { centre_m: args.at, radius_m: radius as f32 },
         _ => return Err(Usage("give --size with --direction, or --radius".into()).into()),
     };
@@ -403,7 +403,7 @@ fn area(estimate: &Estimate, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {
 /// Of this shape and colour, and the luminance by its extent.
 fn of_luminance(shape: LightShape, color: LightColor, luminance: impl Fn(f32) -> f32) -> AnalyticLight {
     let dark = AnalyticLight { shape, radiance: [0.0; 3] };
-    let radiance = lo_lights::rgb_from_color(color) * luminance(dark.extent());
+    let radiance = lights::rgb_from_color(color) * luminance(dark.extent());
     AnalyticLight { radiance: radiance.to_array(), ..dark }
 }
 
@@ -415,7 +415,7 @@ fn say(document: &Document, as_json: bool) -> anyhow::Result<()> {
     if lights.is_empty() {
         report::print(&format!(
             "no lights: nothing in this scene is brighter than {} times the mean of its surfaces",
-            lo_lights::CAP
+            lights::CAP
         ));
         return Ok(());
     }

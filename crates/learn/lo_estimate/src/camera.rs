@@ -3,32 +3,36 @@ use lo_imaging::{Photo, PhotoFile};
 use lo_scene::{CameraSource, working_photo};
 
 use crate::Estimator;
-use crate::view::srgb8;
+use crate::prepared_input::srgb8;
 
-/// Horizontal field of view of a photo about which nothing is known, in degrees: a phone's main camera (about 27 mm on 35 mm film).
+/// Horizontal field of view assumed for a photo with no other information on its lens, in degrees.
+///
+/// A phone's main camera has it (about 27 mm on 35 mm film).
 pub const DEFAULT_HFOV_DEG: f64 = 65.0;
 
 impl Estimator {
-    /// The camera of a photo, and where that comes from: EXIF focal length, else the field of view that the networks tell from the photo, else the default
-    /// one; principal point in the middle.
+    /// Determines the camera of a photo, in pixels of the photo, and reports its source.
+    ///
+    /// The focal length comes from EXIF, else from the networks' prediction, else from [`DEFAULT_HFOV_DEG`]. The
+    /// principal point is the photo's centre.
     ///
     /// # Errors
-    /// A photo without pixels.
+    /// If the photo has no pixels.
     pub fn camera_of(&self, photo: &PhotoFile) -> Result<(Camera, CameraSource), CameraError> {
         match photo.focal_px() {
             Some(focal) => Ok((with_focal(&photo.photo, focal)?, CameraSource::Exif)),
-            None => self.lens_of(&photo.photo),
+            None => self.camera_without_exif(&photo.photo),
         }
     }
 
-    /// The same of a photo without EXIF.
-    pub(crate) fn lens_of(&self, photo: &Photo) -> Result<(Camera, CameraSource), CameraError> {
+    /// Determines the camera of a photo without EXIF.
+    pub(crate) fn camera_without_exif(&self, photo: &Photo) -> Result<(Camera, CameraSource), CameraError> {
         let (width, height) = (photo.width() as u32, photo.height() as u32);
-        let usual = Camera::from_hfov_deg(DEFAULT_HFOV_DEG, width, height)?;
-        let told = self.networks().and_then(|networks| networks.perspective(&srgb8(&working_photo(photo)), None));
-        let Some(told) = told else { return Ok((usual, CameraSource::Default)) };
-        let focal = 0.5 * f64::from(width.max(height)) / told.camera.half_extent;
-        Ok((with_focal(photo, focal)?, CameraSource::Network { deviation_deg: told.fov_deviation_deg as f32 }))
+        let default = Camera::from_hfov_deg(DEFAULT_HFOV_DEG, width, height)?;
+        let predicted = self.networks().and_then(|networks| networks.perspective(&srgb8(&working_photo(photo)), None));
+        let Some(predicted) = predicted else { return Ok((default, CameraSource::Default)) };
+        let focal = 0.5 * f64::from(width.max(height)) / predicted.camera.half_extent;
+        Ok((with_focal(photo, focal)?, CameraSource::Network { deviation_deg: predicted.fov_deviation_deg as f32 }))
     }
 }
 

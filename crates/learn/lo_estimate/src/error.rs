@@ -4,64 +4,66 @@ use lo_nets::light::LightError;
 use lo_octree::OctreeError;
 use lo_scene::FrameError;
 
-/// Why there is no scene.
+/// An error that prevents an estimate.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum EstimateError {
-    /// The octree's depths or cube are impossible.
+    /// The depths of the octree are out of range, or its cube is invalid.
     #[error(transparent)]
     Octree(#[from] OctreeError),
-    /// No pixel has a depth that can be used.
+    /// No pixel has a usable depth reading.
     #[error("no depth reading is left after flying pixels at depth edges were dropped")]
-    NothingSeen,
-    /// An estimate from several photos was asked for without any.
+    NoUsableDepth,
+    /// [`Input::Photos`](crate::Input::Photos) holds no photo.
     #[error("no photo was given")]
     NoPhotos,
-    /// By their poses two photos show the same places, but their depths tell of different ones.
+    /// Two photos view the same region according to their poses, but their depths differ there.
     #[error(
-        "by their poses, photos {} and {} look at the same places, but their depths differ there by {:.0} %: the poses do not belong to these \
-         photos, are not in metres, or have other axes", photos[0] + 1, photos[1] + 1, 100.0 * disagreement
+        "by their poses, photos {} and {} look at the same places, but their depths differ there by {:.0} %: the \
+         poses do not belong to these photos, are not in metres, or have other axes",
+        photos[0] + 1, photos[1] + 1, 100.0 * disagreement
     )]
     PosesDisagree {
-        /// Their indices.
+        /// Indices of the two photos, from 0.
         photos: [usize; 2],
-        /// Median difference of the depths, share of the depth.
+        /// Median difference of the depths, as a share of the depth.
         disagreement: f32,
     },
-    /// Networks are needed for what was asked for, and none were given.
+    /// The request needs networks, and the estimator has none.
     #[error("{0} needs the weights of the networks")]
     NoNetworks(&'static str),
-    /// The light network makes deeper octrees.
-    #[error("the light network makes octrees of depth {own} at least, not {asked}")]
+    /// The requested octree is shallower than the light network's.
+    #[error("the light network makes octrees of depth {own} or more, not {asked}")]
     OctreeDepth {
-        /// What was asked for.
+        /// The requested depth.
         asked: u32,
-        /// The network's own depth.
+        /// Depth of the network's octree.
         own: u32,
     },
-    /// The depth network's output is no number: its weights are damaged.
+    /// The depth network's output is NaN or infinite, so its weights are damaged.
     #[error("the depth network's output is not finite: its weights are damaged")]
-    PredictedDepth,
-    /// A depth model tells nothing of the photo.
+    NonFiniteDepth,
+    /// A depth model failed on the photo.
     #[cfg(feature = "depth-models")]
     #[error(transparent)]
     DepthModel(#[from] lo_depth_models::ModelError),
-    /// A depth model's relative depth does not become metres.
+    /// A depth model's relative depth cannot be converted to metres.
     #[cfg(feature = "depth-models")]
-    #[error("relative depth does not become metres: {0}")]
+    #[error("relative depth cannot be converted to metres: {0}")]
     RelativeDepth(#[from] lo_depth_models::affine::FitError),
-    /// Photo and predicted depth do not make a frame.
+    /// Photo, depth and camera do not form a [`Frame`](lo_scene::Frame).
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// A panorama cannot be laid where nothing is completed.
-    #[error("a panorama gives its light to the completed part of the room, and nothing is completed")]
+    /// A panorama was given with [`Completion::None`](lo_scene::Completion::None).
+    #[error("a panorama lights the completed part of the room, and nothing is completed")]
     PanoramaWithoutRoom,
-    /// The panorama's place, yaw or exposure are no numbers.
+    /// The panorama's position, yaw or exposure is invalid.
     #[error("the panorama: {0}")]
     Panorama(#[from] PanoramaError),
-    /// The panorama cannot be laid onto the room.
+    /// The panorama cannot be applied to the room.
     #[error(transparent)]
-    Lay(#[from] ApplyPanoramaError),
-    /// The handler of events asked for the end.
+    ApplyPanorama(#[from] ApplyPanoramaError),
+    /// The event handler cancelled the job.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// The light network failed.

@@ -7,95 +7,107 @@ use lo_nets::checkpoint::CheckpointError;
 use lo_octree::check_depths;
 use lo_scene::{Completion, Estimate, EstimateOrigin, ExpectedLight, Frame};
 
-use crate::completed::{Completed, by_network, closed, observed_only};
-use crate::panorama::laid;
-use crate::view::View;
+use crate::completed_room::{CompletedRoom, by_network, by_shell, observed_only};
+use crate::panorama::apply_prior;
+use crate::prepared_input::PreparedInput;
 use crate::{DEFAULT_OCTREE_DEPTH, EstimateError, EstimateOptions, Input};
 
-/// From photos, with depth or without, to scenes.
+/// Estimates a room's radiance from photos, with or without depth.
+///
+/// An estimator holds the depth, light and expected-light networks, or none.
 #[derive(Debug)]
 pub struct Estimator {
     networks: Option<Networks>,
 }
 
 impl Estimator {
-    /// With the trained networks that this library carries (feature `weights`).
+    /// Loads the trained networks that are embedded in this library (feature `weights`).
     ///
     /// # Errors
-    /// None, unless the library itself is damaged.
+    /// Only if the embedded weights are corrupt.
     #[cfg(feature = "weights")]
     pub fn shipped() -> Result<Self, CheckpointError> {
         crate::weights::shipped_networks().map(Self::new)
     }
 
-    /// With the networks of a file of weights.
+    /// Loads networks from a `.safetensors` file of weights.
     ///
     /// # Errors
-    /// A file that cannot be read or holds no such networks.
+    /// If the file cannot be read or does not hold such networks.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, CheckpointError> {
         Networks::read(path).map(Self::new)
     }
 
-    /// With these networks.
+    /// Creates an estimator with the given networks.
     pub fn new(networks: Networks) -> Self {
         Self { networks: Some(networks) }
     }
 
-    /// Without networks: rooms are closed by planes, and photos need depth.
+    /// Creates an estimator without networks: rooms are closed by planes, and photos need depth.
     pub const fn without_networks() -> Self {
         Self { networks: None }
     }
 
-    /// Its networks.
+    /// Returns the networks, if there are any.
     pub fn networks(&self) -> Option<&Networks> {
         self.networks.as_ref()
     }
 
-    /// From a photo, with depth or without, to a self-contained scene (`docs/method.md`).
+    /// Estimates the room's radiance from one or several photos (`docs/method.md`).
     ///
-    /// The same input, options and weights give the same scene to the bit, on any number of threads. What the photo shows unclipped is in the scene as it
-    /// was seen.
+    /// The world frame is the first camera's: metres, +X right, +Y up, −Z along the optical axis. Unclipped observed
+    /// radiance is kept as in the photo. The result is bit-identical for the same input, options and weights, on any
+    /// number of threads.
+    ///
+    /// `on_event` receives stages, figures and warnings, and may cancel the job after each of them.
     ///
     /// # Errors
-    /// No usable depth, impossible octree depths, networks that are needed and not there, networks whose output is not finite;
-    /// [`Cancelled`](lo_events::Cancelled) where `on_event` breaks off, between two steps.
+    /// - [`EstimateError::NoUsableDepth`], [`EstimateError::NoPhotos`], [`EstimateError::PosesDisagree`] or
+    ///   [`EstimateError::Frame`] for input that cannot be used.
+    /// - [`EstimateError::Octree`], [`EstimateError::OctreeDepth`], [`EstimateError::Panorama`] or
+    ///   [`EstimateError::PanoramaWithoutRoom`] for invalid options. They are checked before any work.
+    /// - [`EstimateError::ApplyPanorama`] if the panorama cannot be applied to the room.
+    /// - [`EstimateError::NoNetworks`] if input or options need networks and there are none.
+    /// - [`EstimateError::NonFiniteDepth`] or [`EstimateError::Light`] if a network fails.
+    /// - [`EstimateError::Cancelled`] if `on_event` breaks off.
     pub fn estimate(
         &self,
         input: Input,
         options: &EstimateOptions,
         on_event: OnEvent<'_>,
     ) -> Result<Estimate, EstimateError> {
-        let (completion, octree_depth) = self.plan(options)?;
-        let mut view = View::new(input, self.networks(), on_event)?;
+        let (method, octree_depth) = self.plan(options)?;
+        let mut input = PreparedInput::new(input, self.networks(), on_event)?;
         let prior = options.panorama.as_ref();
-        let told = match completion {
-            How::Network(_) | How::Shell if options.up.is_none() => view.up(self.networks(), on_event)?,
+        let found_up = match method {
+            Method::Network(_) | Method::Shell if options.up.is_none() => input.up(self.networks(), on_event)?,
             _ => None,
         };
         let options = &EstimateOptions {
-            up: options.up.or(told.map(|(up, _)| up)),
+            up: options.up.or(found_up.map(|(up, _)| up)),
             sources: options.sources.clone(),
             panorama: None,
             ..*options
         };
-        let mut completed = match completion {
-            How::Network(networks) => by_network(&view, networks, octree_depth, options, on_event)?,
-            How::Shell => closed(&view, octree_depth, options, on_event)?,
-            How::None => observed_only(&view, octree_depth, options, on_event)?,
+        let mut completed = match method {
+            Method::Network(networks) => by_network(&input, networks, octree_depth, options, on_event)?,
+            Method::Shell => by_shell(&input, octree_depth, options, on_event)?,
+            Method::None => observed_only(&input, octree_depth, options, on_event)?,
         };
-        let panorama = prior.map(|prior| laid(&mut completed, prior, &view.working, on_event)).transpose()?;
+        let panorama = prior.map(|prior| apply_prior(&mut completed, prior, &input.working, on_event)).transpose()?;
         let up = completed.room.as_ref().map(|room| room.up);
-        let expected = match (&completion, up) {
-            (How::Network(networks), Some(up)) => expected_light(networks, &view.working, up),
+        let expected = match (&method, up) {
+            (Method::Network(networks), Some(up)) => expected_light(networks, &input.working, up),
             _ => None,
         };
-        let Completed { light, room, confidence } = completed;
-        let (other_photos, View { frame, predicted_depth, model: depth_model, .. }) = (view.other_photos(), view);
-        let (completion, sources) = (completion.into(), options.sources.clone());
+        let CompletedRoom { light, room, confidence } = completed;
+        let (other_photos, PreparedInput { frame, predicted_depth, model: depth_model, .. }) =
+            (input.other_photos(), input);
+        let (completion, sources) = (method.into(), options.sources.clone());
         let origin = EstimateOrigin {
             completion,
             camera_source: options.camera_source,
-            up_deviation_deg: told.and_then(|(_, deviation_deg)| deviation_deg).map(|deg| deg as f32),
+            up_deviation_deg: found_up.and_then(|(_, deviation_deg)| deviation_deg).map(|deg| deg as f32),
             sources,
             predicted_depth,
             depth_model,
@@ -104,11 +116,13 @@ impl Estimator {
         Ok(Estimate { room, confidence, expected, panorama, other_photos, origin, ..observed })
     }
 
-    /// How, and down to which depth: the options are checked before any work, since the shell's closing points grow with 4^depth.
-    fn plan(&self, options: &EstimateOptions) -> Result<(How<'_>, u32), EstimateError> {
+    /// Checks the options and returns the completion method and the octree's depth.
+    ///
+    /// This precedes all work, because the shell's closing points grow with 4^depth.
+    fn plan(&self, options: &EstimateOptions) -> Result<(Method<'_>, u32), EstimateError> {
         let mut octree_depth = options.octree_depth.unwrap_or(DEFAULT_OCTREE_DEPTH);
-        let usual = if self.networks.is_some() { Completion::Network } else { Completion::Shell };
-        let how = match options.completion.unwrap_or(usual) {
+        let default = if self.networks.is_some() { Completion::Network } else { Completion::Shell };
+        let method = match options.completion.unwrap_or(default) {
             Completion::Network => {
                 let networks = self.networks().ok_or(EstimateError::NoNetworks("completion by a network"))?;
                 let own = networks.config.depth;
@@ -116,42 +130,42 @@ impl Estimator {
                     return Err(EstimateError::OctreeDepth { asked, own });
                 }
                 octree_depth = octree_depth.max(own);
-                How::Network(networks)
+                Method::Network(networks)
             }
-            Completion::Shell => How::Shell,
-            Completion::None => How::None,
+            Completion::Shell => Method::Shell,
+            Completion::None => Method::None,
         };
         check_depths(octree_depth, options.full_depth)?;
         if let Some(prior) = &options.panorama {
             prior.check()?;
-            if matches!(how, How::None) {
+            if matches!(method, Method::None) {
                 return Err(EstimateError::PanoramaWithoutRoom);
             }
         }
-        Ok((how, octree_depth))
+        Ok((method, octree_depth))
     }
 }
 
-/// The energy of the light around the camera, as far as these networks tell it.
-fn expected_light(networks: &Networks, seen: &Frame, up: Vec3) -> Option<ExpectedLight> {
-    let guess = networks.expected_light(&seen.radiance(), &seen.depth_m, &seen.camera, up)?;
-    Some(ExpectedLight::new(&guess.radiance, guess.camera_from_level, guess.contrast_stops))
+/// Predicts expected light around the camera; `None` if the networks were not trained for it.
+fn expected_light(networks: &Networks, working: &Frame, up: Vec3) -> Option<ExpectedLight> {
+    let predicted = networks.expected_light(&working.radiance(), &working.depth_m, &working.camera, up)?;
+    Some(ExpectedLight::new(&predicted.radiance, predicted.camera_from_level, predicted.contrast_stops))
 }
 
-/// How the room is completed, with what that needs.
+/// A completion method with the networks that it needs.
 #[derive(Clone, Copy)]
-enum How<'a> {
+enum Method<'a> {
     Network(&'a Networks),
     Shell,
     None,
 }
 
-impl From<How<'_>> for Completion {
-    fn from(how: How<'_>) -> Self {
-        match how {
-            How::Network(_) => Self::Network,
-            How::Shell => Self::Shell,
-            How::None => Self::None,
+impl From<Method<'_>> for Completion {
+    fn from(method: Method<'_>) -> Self {
+        match method {
+            Method::Network(_) => Self::Network,
+            Method::Shell => Self::Shell,
+            Method::None => Self::None,
         }
     }
 }

@@ -6,117 +6,122 @@ use lo_lights::{Emitter, LightsError, ListedLight, emitters};
 use lo_octree::LightOctree;
 use lo_scene::{Estimate, GuessedLight, LightEdits, LitScene};
 
-use crate::lighting::{NO_WHITE_PIXEL, is_laid, laid, seen_from, shading_of};
+use crate::lighting::{NO_WHITE_PIXEL, apply_choice, differs_from_even, for_viewpoint, observed_shading};
 use crate::white::white_tint;
 use crate::{LightReport, LightingError};
 
-/// An estimate to be lit by one choice of light and one set of edits after another, without repeating what they have
-/// in common.
+/// An estimate prepared to be lit repeatedly, by different choices of light and edits.
+///
+/// It caches the shading and the emitters, which do not depend on either. To light an estimate once, use
+/// [`apply_light`](crate::apply_light) or `Document::lit` of the crate `lightoctree`.
 #[derive(Clone, Debug)]
 pub struct FittedLight {
     estimate: Arc<Estimate>,
-    seen: ObservedShading,
-    found: Vec<Emitter>,
-    listed: Vec<ListedLight>,
-    usual: LaidLight,
+    shading: ObservedShading,
+    emitters: Vec<Emitter>,
+    lights: Vec<ListedLight>,
+    default_light: AppliedLight,
 }
 
-/// The octree in a choice of light, before edits of lights.
+/// An octree in one choice of light, before edits of lights.
 #[derive(Clone, Debug)]
-pub struct LaidLight {
-    guessed: GuessedLight,
-    /// Gains by channel under which guessed light makes the pixel of `guessed` white.
+pub struct AppliedLight {
+    choice: GuessedLight,
+    /// Gains of red, green and blue that make the white pixel of `choice` white.
     white: [f32; 3],
     light: LightOctree,
     report: LightReport,
 }
 
-impl LaidLight {
-    /// Which light it is.
-    pub fn guessed(&self) -> &GuessedLight {
-        &self.guessed
+impl AppliedLight {
+    /// Returns the choice of light.
+    pub fn choice(&self) -> &GuessedLight {
+        &self.choice
     }
 
-    /// How inferred light was changed.
+    /// Returns how inferred light was changed.
     pub fn report(&self) -> &LightReport {
         &self.report
     }
 }
 
 impl FittedLight {
-    /// Fits plausible light, and finds the emitters in it.
+    /// Fits plausible light and finds its emitters.
     pub fn new(estimate: impl Into<Arc<Estimate>>) -> Self {
         let estimate = estimate.into();
-        let seen = shading_of(&estimate);
-        let usual = laid_in(&estimate, &seen, &GuessedLight::default(), None).expect(NO_WHITE_PIXEL);
-        let lit = LitScene { light: usual.light.clone(), ..LitScene::as_estimated(estimate.clone()) };
-        let found = emitters(&lit);
-        let listed = lo_lights::list_emitters(&found);
-        Self { estimate, seen, found, listed, usual }
+        let shading = observed_shading(&estimate);
+        let default_light = applied_light(&estimate, &shading, &GuessedLight::default(), None).expect(NO_WHITE_PIXEL);
+        let lit = LitScene { light: default_light.light.clone(), ..LitScene::as_estimated(estimate.clone()) };
+        let emitters = emitters(&lit);
+        let lights = lo_lights::list_emitters(&emitters);
+        Self { estimate, shading, emitters, lights, default_light }
     }
 
-    /// [`FittedLight::new`] of the radiance that nodes send to a point, where it differs by direction.
-    pub fn seen_from(estimate: &Arc<Estimate>, at_m: Vec3) -> Self {
-        Self::new(seen_from(estimate, at_m))
+    /// Like [`FittedLight::new`], for the radiance that nodes send towards `at_m`, in metres, where it is directional.
+    pub fn for_viewpoint(estimate: &Arc<Estimate>, at_m: Vec3) -> Self {
+        Self::new(for_viewpoint(estimate, at_m))
     }
 
-    /// Plausible light as estimated.
-    pub fn usual(&self) -> &LaidLight {
-        &self.usual
+    /// Returns plausible light without tuning, the default of inserted objects.
+    pub fn default_light(&self) -> &AppliedLight {
+        &self.default_light
     }
 
-    /// The emitters of [`FittedLight::usual`], without changes.
-    pub fn listed(&self) -> &[ListedLight] {
-        &self.listed
+    /// Returns the emitters of [`FittedLight::default_light`], without edits.
+    pub fn lights(&self) -> &[ListedLight] {
+        &self.lights
     }
 
-    /// The octree in a choice of light.
+    /// Applies a choice of light.
     ///
     /// # Errors
-    /// Where what is said to be white has no colour.
-    pub fn laid(&self, guessed: &GuessedLight) -> Result<LaidLight, LightingError> {
-        let guessed = guessed.in_effect();
-        if guessed == self.usual.guessed {
-            return Ok(self.usual.clone());
+    /// If the white pixel shows no surface, or is clipped or black.
+    pub fn apply(&self, choice: &GuessedLight) -> Result<AppliedLight, LightingError> {
+        let choice = choice.in_effect();
+        if choice == self.default_light.choice {
+            return Ok(self.default_light.clone());
         }
-        laid_in(&self.estimate, &self.seen, &guessed, None)
+        applied_light(&self.estimate, &self.shading, &choice, None)
     }
 
-    /// A preview of [`FittedLight::laid`] in less time: lamps are sized and fitted with less accuracy, and the colour
-    /// that makes a pixel white is that of `like` where it is of the same pixel.
+    /// Applies a choice of light in less time and with less accuracy than [`FittedLight::apply`].
+    ///
+    /// Lamps are sized and fitted coarsely. The white balance is taken from `similar` if it has the same white pixel.
     ///
     /// # Errors
-    /// As of [`FittedLight::laid`].
-    pub fn drafted(&self, guessed: &GuessedLight, like: &LaidLight) -> Result<LaidLight, LightingError> {
-        laid_in(&self.estimate, &self.seen, &guessed.in_effect(), Some(like))
+    /// The errors of [`FittedLight::apply`].
+    pub fn preview(&self, choice: &GuessedLight, similar: &AppliedLight) -> Result<AppliedLight, LightingError> {
+        applied_light(&self.estimate, &self.shading, &choice.in_effect(), Some(similar))
     }
 
-    /// The estimate in a choice of light with edits of lights; the edits' own choice of light does not count.
+    /// Returns the estimate in the applied light, with edits of lights.
+    ///
+    /// The choice of light in `edits` is ignored.
     ///
     /// # Errors
-    /// Where an edit is of an emitter that there is not.
-    pub fn lit(&self, laid: &LaidLight, edits: &LightEdits) -> Result<LitScene, LightsError> {
-        let mut scene = LitScene { estimate: self.estimate.clone(), light: laid.light.clone(), edited: None };
-        lo_lights::apply_edits(&mut scene, edits, &self.found)?;
+    /// If an edit refers to an emitter that does not exist.
+    pub fn lit(&self, light: &AppliedLight, edits: &LightEdits) -> Result<LitScene, LightsError> {
+        let mut scene = LitScene { estimate: self.estimate.clone(), light: light.light.clone(), edited: None };
+        lo_lights::apply_edits(&mut scene, edits, &self.emitters)?;
         Ok(scene)
     }
 }
 
-/// A preview where there is a light `like` it.
-fn laid_in(
+/// Applies a choice of light, as a preview if `similar` is given.
+fn applied_light(
     estimate: &Estimate,
-    seen: &ObservedShading,
-    guessed: &GuessedLight,
-    like: Option<&LaidLight>,
-) -> Result<LaidLight, LightingError> {
-    let guessed = *guessed;
-    let white = match like {
-        Some(like) if like.guessed.tuning.white == guessed.tuning.white => like.white,
-        _ => white_tint(estimate, seen, guessed.tuning.white)?,
+    shading: &ObservedShading,
+    choice: &GuessedLight,
+    similar: Option<&AppliedLight>,
+) -> Result<AppliedLight, LightingError> {
+    let choice = *choice;
+    let white = match similar {
+        Some(similar) if similar.choice.tuning.white == choice.tuning.white => similar.white,
+        _ => white_tint(estimate, shading, choice.tuning.white)?,
     };
-    if !is_laid(estimate, &guessed) {
-        return Ok(LaidLight { guessed, white, light: estimate.light.clone(), report: LightReport::default() });
+    if !differs_from_even(estimate, &choice) {
+        return Ok(AppliedLight { choice, white, light: estimate.light.clone(), report: LightReport::default() });
     }
-    let (light, report) = laid(estimate, seen, &guessed, white, like.is_some());
-    Ok(LaidLight { guessed, white, light, report })
+    let (light, report) = apply_choice(estimate, shading, &choice, white, similar.is_some());
+    Ok(AppliedLight { choice, white, light, report })
 }

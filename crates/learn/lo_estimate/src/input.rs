@@ -2,58 +2,63 @@ use lo_geometry::{Camera, Vec3};
 use lo_imaging::{Image, Photo};
 use lo_scene::{Frame, PosedFrame};
 
-/// What an estimate starts from.
+/// The photos, depth and cameras that [`Estimator::estimate`](crate::Estimator::estimate) starts from.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Input {
-    /// A photo alone, whose depth the depth network predicts.
+    /// A photo without depth. The depth network predicts it.
     Photo {
         /// The photo, of at least 16 pixels.
         photo: Photo,
         /// The camera, in pixels of the photo.
         camera: Camera,
     },
-    /// A photo with depth that a sensor measured: it is believed as it is.
+    /// A photo with depth from a sensor. It is used without correction.
     MeasuredDepth(Frame),
-    /// A photo with depth in metres that another program's network predicted from it.
+    /// A photo with depth in metres that another network predicted from it.
     ///
-    /// As with the own network's, which way is up is guessed from the photo, and objects that are inserted into the scene are hidden only by
-    /// what is well before them.
+    /// As with the own depth network, up is estimated from the photo, and inserted objects are occluded only by
+    /// surfaces well in front of them.
     PredictedDepth(PredictedDepth),
-    /// Several photos of one room with measured depth, from cameras whose places are known.
+    /// Several photos of one room with measured depth and known camera poses.
     ///
-    /// What all of them show goes into one octree, in the frame of the first one's camera. The scene keeps the first photo: objects are put into that one.
+    /// All photos contribute to one octree, in the first camera's frame. The estimate keeps the first photo, into which
+    /// objects are inserted.
     Photos {
-        /// At least one.
+        /// The photos with their poses, at least one. Poses may be relative to any common frame in metres.
         photos: Vec<PosedFrame>,
-        /// How brightly they show the same light.
+        /// How the photos' brightness is related.
         exposures: Exposures,
     },
 }
 
-/// A photo with depth in metres that a network predicted from it, and what else that network told.
+/// A photo with depth in metres predicted by a network, and that network's other output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PredictedDepth {
     /// The photo with its depth.
     pub frame: Frame,
-    /// Unit normals of what the photo shows, towards the camera, of any resolution; zero where there is none. They have a say in which way is up, and
-    /// the surfaces of what is seen have them.
+    /// Unit surface normals, pointing towards the camera, at any resolution; zero where there is none.
+    ///
+    /// They contribute to the estimate of up and become the observed surfaces' normals.
     pub normals: Option<Image<Vec3>>,
-    /// What people call the network; kept in the scene.
+    /// Display name of the network, stored in the estimate.
     pub model: Option<String>,
 }
 
-/// Of a network of which no more is known.
+/// Wraps depth from an unspecified network, without normals.
 impl From<Frame> for PredictedDepth {
     fn from(frame: Frame) -> Self {
         Self { frame, normals: None, model: None }
     }
 }
 
-/// How brightly several photos show the same light.
+/// How the brightness of several photos is related.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Exposures {
-    /// As the frames' [`exposure`](Frame::exposure) says: a photo's linear values times that are radiance.
+    /// Known: linear photo values times [`Frame::exposure`] are radiance.
     Known,
-    /// As what two photos both show tells; where photos have nothing in common, by what is likely (`docs/method.md` §13).
+    /// Estimated from the photos' overlaps. Photos without overlap are matched by their average brightness
+    /// (`docs/method.md` §13).
     Matched,
 }

@@ -1,11 +1,11 @@
-//! From photos to an [`Estimate`](lo_scene::Estimate) of the room's radiance, and from an estimate to a
-//! [`LitScene`](lo_scene::LitScene).
+//! Estimates a room's radiance from photos, and applies light to an estimate.
 //!
-//! [`Estimator`] runs depth and light networks, or closes the room by planes. [`lit_by`] applies a choice of light;
-//! [`FittedLight`] does so repeatedly with edits.
+//! [`Estimator`] turns photos into an [`Estimate`](lo_scene::Estimate). It runs the depth and light networks, or closes
+//! the room by planes. [`apply_light`] turns an estimate into a [`LitScene`](lo_scene::LitScene) in one choice of
+//! light. [`FittedLight`] does so repeatedly, with the user's edits.
 
 mod camera;
-mod completed;
+mod completed_room;
 #[cfg(feature = "depth-models")]
 mod depth_model;
 mod error;
@@ -13,15 +13,15 @@ mod estimator;
 mod fitted_light;
 mod input;
 mod lighting;
+mod observed_frame;
 mod options;
 mod panorama;
 mod photos;
+mod prepared_input;
 mod request;
-mod seen_frame;
 mod sun;
 #[cfg(test)]
 mod tests;
-mod view;
 #[cfg(feature = "weights")]
 mod weights;
 mod white;
@@ -29,11 +29,11 @@ mod white;
 pub use camera::DEFAULT_HFOV_DEG;
 pub use error::EstimateError;
 pub use estimator::Estimator;
-pub use fitted_light::{FittedLight, LaidLight};
+pub use fitted_light::{AppliedLight, FittedLight};
 pub use input::{Exposures, Input, PredictedDepth};
-pub use lighting::{LightReport, LightingError, indirect_only, lit_by, plausible, seen_from};
+pub use lighting::{LightReport, LightingError, apply_light, for_viewpoint, indirect_only, plausible_light};
+pub use observed_frame::ObservedFrame;
 pub use options::{DEFAULT_OCTREE_DEPTH, EstimateOptions};
 pub use request::{DepthSource, PhotoRequest, ResolvedPhoto};
-pub use seen_frame::SeenFrame;
-pub use sun::{PhotoSun, ShadowError, sun_of_photo, supported_sun};
+pub use sun::{PhotoSun, ShadowError, sun_from_photo, supported_sun};
 pub use white::check_white;

@@ -2,29 +2,42 @@ use lo_completion::PanoramaPrior;
 use lo_geometry::Vec3;
 use lo_scene::{CameraSource, Completion};
 
-/// Depth of the octree where none is asked for.
+/// Default of [`EstimateOptions::octree_depth`].
 pub const DEFAULT_OCTREE_DEPTH: u32 = 7;
 
-/// Choices of an estimate. The defaults are those of the command line.
+/// Options of [`Estimator::estimate`](crate::Estimator::estimate). The defaults are the command line's.
+///
+/// ```
+/// let options = EstimateOptions { completion: Some(Completion::Shell), ..EstimateOptions::default() };
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct EstimateOptions {
-    /// Depth of the octree: leaves have 1/2^depth of the cube's edge. 7 by default, or the network's own where that is more. Deeper than a
-    /// network's own, what the photo shows is that fine, and what it does not is as coarse as the network makes it.
+    /// Depth of the octree: leaves have 1/2^depth of the cube's edge.
+    ///
+    /// Default: [`DEFAULT_OCTREE_DEPTH`] (7), or the light network's depth if that is larger. Beyond the network's
+    /// depth only observed regions are refined; inferred regions keep the network's leaf size.
     pub octree_depth: Option<u32>,
-    /// Depth down to which the octree is full where no network makes it. 4 by default.
+    /// Depth down to which the octree is full if no network builds it. Default: 4.
     pub full_depth: u32,
-    /// How the unseen part of the room is filled. By default by the light network; by the shell where the estimator has no networks.
+    /// Method that completes unobserved regions.
+    ///
+    /// Default: the light network, or the shell if the estimator has no networks.
     pub completion: Option<Completion>,
-    /// Unit vector against gravity. Where it is not given: from the surfaces, near to what the network tells from the photo; where depth is predicted, as the network tells it
-    /// alone, or without one that has learned it, from the surfaces and how cameras are held.
+    /// Unit vector against gravity, in the first camera's axes. Default: estimated.
+    ///
+    /// Measured surfaces determine it, near the networks' prediction. For predicted depth it is the networks'
+    /// prediction alone, or an estimate from the surfaces and typical camera poses if the networks do not predict it.
     pub up: Option<Vec3>,
-    /// Seed of the places of the points that carry the global light into what the network has not seen.
+    /// Seed of the random points that carry global light into unobserved regions. Default: 0.
     pub seed: u64,
-    /// Names of the input files, kept in the scene.
+    /// Names of the input files, stored in the estimate.
     pub sources: Vec<String>,
-    /// Where the camera comes from, as [`Estimator::camera_of`](crate::Estimator::camera_of) says it; kept in the scene.
+    /// Source of the camera as returned by [`Estimator::camera_of`](crate::Estimator::camera_of), stored in the
+    /// estimate.
     pub camera_source: Option<CameraSource>,
-    /// A panorama of the room that somebody has: its light is laid onto what the photo does not show, unless nothing is completed.
+    /// Captured panorama of the same room, whose light is applied to unobserved regions.
+    ///
+    /// It cannot be combined with [`Completion::None`].
     pub panorama: Option<PanoramaPrior>,
 }
 

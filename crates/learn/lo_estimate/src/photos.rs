@@ -1,4 +1,4 @@
-//! Several photos of one room: whether their poses fit, and how brightly each shows the same light.
+//! Checks the poses of several photos of one room, and matches their exposures.
 
 use lo_events::{Figure, OnEvent, Stage, Warning, figures, stage, warn};
 use lo_geometry::RigidTransform;
@@ -7,26 +7,27 @@ use lo_scene::{ObservedPhoto, Overlap, PosedFrame, overlap};
 
 use crate::{EstimateError, Exposures};
 
-/// Median difference of the depths of two photos, share of the depth, beyond which their poses are warned about (`docs/design/036-several-photos.md`).
-const SUSPECT: f32 = 0.07;
+/// Median difference of two photos' depths, as a share of the depth, above which poses cause a warning
+/// (`docs/design/036-several-photos.md`).
+const WARN_DISAGREEMENT: f32 = 0.07;
 
-/// The same from which on they are refused.
-const WRONG: f32 = 0.2;
+/// Median difference above which poses are rejected.
+const MAX_DISAGREEMENT: f32 = 0.2;
 
-/// Photos in the frame of the first one's camera, with one measure of light.
-pub(crate) struct Together {
-    /// As they were taken.
+/// Photos in the first camera's frame, with matched exposures.
+pub(crate) struct AlignedPhotos {
+    /// At full resolution.
     pub photos: Vec<PosedFrame>,
     /// At working resolution.
     pub working: Vec<PosedFrame>,
 }
 
-/// Brings photos together.
-pub(crate) fn together(
+/// Moves photos into the first camera's frame, checks their poses and matches their exposures.
+pub(crate) fn align_photos(
     photos: Vec<PosedFrame>,
     exposures: Exposures,
     on_event: OnEvent<'_>,
-) -> Result<Together, EstimateError> {
+) -> Result<AlignedPhotos, EstimateError> {
     let mut photos = in_first_frame(photos);
     let mut working: Vec<PosedFrame> = stage(on_event, Stage::WorkingResolution, || {
         let working = |photo: &PosedFrame| PosedFrame {
@@ -35,24 +36,24 @@ pub(crate) fn together(
         };
         photos.iter().map(working).collect()
     })?;
-    let pairs = stage(on_event, Stage::Photos, || pairs(&working))?;
+    let pairs = stage(on_event, Stage::Photos, || overlapping_pairs(&working))?;
     for pair in &pairs {
         let (photos, disagreement) = (pair.photos, pair.overlap.disagreement);
-        if disagreement > WRONG {
+        if disagreement > MAX_DISAGREEMENT {
             return Err(EstimateError::PosesDisagree { photos, disagreement });
         }
-        if disagreement > SUSPECT {
+        if disagreement > WARN_DISAGREEMENT {
             warn(on_event, Warning::PosesDisagree { photos, disagreement })?;
         }
     }
     if exposures == Exposures::Matched {
-        let (brighter_ev, guessed) = matched(&working, &pairs);
-        for ((photo, working), ev) in photos.iter_mut().zip(&mut working).zip(&brighter_ev) {
+        let (gains_ev, assumed) = match_exposures(&working, &pairs);
+        for ((photo, working), ev) in photos.iter_mut().zip(&mut working).zip(&gains_ev) {
             photo.frame.exposure *= ev.exp2();
             working.frame.exposure = photo.frame.exposure;
         }
-        if !guessed.is_empty() {
-            warn(on_event, Warning::AssumedExposures { photos: guessed })?;
+        if !assumed.is_empty() {
+            warn(on_event, Warning::AssumedExposures { photos: assumed })?;
         }
     }
     let first_exposure = photos.first().map_or(1.0, |photo| photo.frame.exposure);
@@ -61,10 +62,10 @@ pub(crate) fn together(
         value: -f64::from((photo.frame.exposure / first_exposure).log2()),
     };
     figures(on_event, Stage::Photos, photos.iter().map(figure).collect())?;
-    Ok(Together { photos, working })
+    Ok(AlignedPhotos { photos, working })
 }
 
-/// The first camera stands at the origin, whatever the poses were relative to.
+/// Makes poses relative to the first camera.
 fn in_first_frame(mut photos: Vec<PosedFrame>) -> Vec<PosedFrame> {
     let Some(first) = photos.first().map(|photo| photo.first_from_camera) else { return photos };
     if first != RigidTransform::IDENTITY {
@@ -75,24 +76,24 @@ fn in_first_frame(mut photos: Vec<PosedFrame>) -> Vec<PosedFrame> {
     photos
 }
 
-/// Two photos that show the same places.
-struct Pair {
+/// Two photos with a common region.
+struct PhotoPair {
     photos: [usize; 2],
     overlap: Overlap,
 }
 
-fn pairs(working: &[PosedFrame]) -> Vec<Pair> {
+fn overlapping_pairs(working: &[PosedFrame]) -> Vec<PhotoPair> {
     let seen: Vec<ObservedPhoto> =
         working.iter().map(|photo| ObservedPhoto::new(&photo.frame, photo.first_from_camera)).collect();
     let all = (0..seen.len()).flat_map(|i| (i + 1..seen.len()).map(move |j| [i, j]));
-    all.filter_map(|photos| Some(Pair { photos, overlap: overlap(&seen[photos[0]], &seen[photos[1]])? })).collect()
+    all.filter_map(|photos| Some(PhotoPair { photos, overlap: overlap(&seen[photos[0]], &seen[photos[1]])? })).collect()
 }
 
-/// Stops by which each photo has to be made brighter to have the first one's measure, and which of them were guessed.
+/// Returns the gain of each photo in stops relative to the first, and the indices of photos whose gain is assumed.
 ///
-/// Photos that show the same surfaces are matched by least squares over all pairs, weighted by their pixels. A group of photos that has nothing in
-/// common with the first one's gets what makes its light of the middle half as bright as that of the first one's group (`docs/design/036-several-photos.md`).
-fn matched(working: &[PosedFrame], pairs: &[Pair]) -> (Vec<f32>, Vec<usize>) {
+/// Overlapping photos are matched by least squares over all pairs, weighted by their pixels. A group without overlap
+/// with the first photo's group is scaled to the same average of the middle half (`docs/design/036-several-photos.md`).
+fn match_exposures(working: &[PosedFrame], pairs: &[PhotoPair]) -> (Vec<f32>, Vec<usize>) {
     let count = working.len();
     let edges = pairs.iter().filter_map(|pair| {
         let ratio = pair.overlap.exposure?;
@@ -100,30 +101,30 @@ fn matched(working: &[PosedFrame], pairs: &[Pair]) -> (Vec<f32>, Vec<usize>) {
     });
     let edges: Vec<([usize; 2], f64, f64)> = edges.collect();
     let groups = groups(count, &edges);
-    let mut brighter_ev = solved(count, &edges, &groups);
-    let mut guessed = Vec::new();
-    let light_of = |group: usize, brighter_ev: &[f64]| {
+    let mut gains_ev = solve_gains(count, &edges, &groups);
+    let mut assumed = Vec::new();
+    let average_of = |group: usize, gains_ev: &[f64]| {
         let of_group = (0..count).filter(|&photo| groups[photo] == group);
-        key(of_group.map(|photo| (&working[photo], brighter_ev[photo].exp2() as f32)))
+        middle_half_luminance(of_group.map(|photo| (&working[photo], gains_ev[photo].exp2() as f32)))
     };
-    let Some(first) = groups.first().copied() else { return (Vec::new(), guessed) };
-    let first_key = light_of(first, &brighter_ev);
+    let Some(first) = groups.first().copied() else { return (Vec::new(), assumed) };
+    let first_average = average_of(first, &gains_ev);
     let mut other: Vec<usize> = groups.iter().copied().filter(|group| *group != first).collect();
     other.dedup();
     other.sort_unstable();
     other.dedup();
     for group in other {
-        let shift = f64::from((first_key / light_of(group, &brighter_ev)).log2());
+        let shift = f64::from((first_average / average_of(group, &gains_ev)).log2());
         for photo in (0..count).filter(|&photo| groups[photo] == group) {
-            brighter_ev[photo] += shift;
-            guessed.push(photo);
+            gains_ev[photo] += shift;
+            assumed.push(photo);
         }
     }
-    guessed.sort_unstable();
-    (brighter_ev.into_iter().map(|ev| ev as f32).collect(), guessed)
+    assumed.sort_unstable();
+    (gains_ev.into_iter().map(|ev| ev as f32).collect(), assumed)
 }
 
-/// Number of the group of photos that each belongs to: that of its first photo.
+/// Returns for each photo the index of the first photo in its connected group.
 fn groups(count: usize, edges: &[([usize; 2], f64, f64)]) -> Vec<usize> {
     let mut groups: Vec<usize> = (0..count).collect();
     for _ in 0..count {
@@ -135,8 +136,10 @@ fn groups(count: usize, edges: &[([usize; 2], f64, f64)]) -> Vec<usize> {
     groups
 }
 
-/// Least squares of `x[a] − x[b] = −log₂ ratio`, the first photo of each group at 0, by Gauss and Seidel: the matrix is diagonally dominant.
-fn solved(count: usize, edges: &[([usize; 2], f64, f64)], groups: &[usize]) -> Vec<f64> {
+/// Solves `x[a] − x[b] = −log₂ ratio` by least squares, with the first photo of each group at 0.
+///
+/// Gauss–Seidel converges because the matrix is diagonally dominant.
+fn solve_gains(count: usize, edges: &[([usize; 2], f64, f64)], groups: &[usize]) -> Vec<f64> {
     const SWEEPS: usize = 500;
     let mut x = vec![0.0; count];
     for _ in 0..SWEEPS {
@@ -161,8 +164,10 @@ fn solved(count: usize, edges: &[([usize; 2], f64, f64)], groups: &[usize]) -> V
     x
 }
 
-/// Log average of the middle half of what photos show, clipped pixels among the bright ones that do not count.
-fn key<'a>(photos: impl Iterator<Item = (&'a PosedFrame, f32)>) -> f32 {
+/// Returns the log average of the middle half of the photos' luminance.
+///
+/// Clipped pixels are in the brightest quarter, which does not count.
+fn middle_half_luminance<'a>(photos: impl Iterator<Item = (&'a PosedFrame, f32)>) -> f32 {
     let of_photo = |(photo, gain): (&'a PosedFrame, f32)| {
         let light = photo.frame.radiance();
         let point = move |radiance: [f32; 3]| VisiblePoint {
@@ -183,12 +188,13 @@ mod tests {
 
     #[test]
     fn ratios_of_overlapping_photos_add_up_over_the_graph() {
-        // Photo 1 is half a stop brighter than 0, 2 is a stop brighter than 1; 0 and 2 say 1.2 where 1.5 would agree. 4 and 3 stand apart.
+        // Photo 1 is half a stop brighter than 0, and 2 a stop brighter than 1. Photos 0 and 2 give 1.2 instead of 1.5.
+        // Photos 3 and 4 are a separate group.
         let edges = [([0, 1], -0.5, 100.0), ([1, 2], -1.0, 100.0), ([0, 2], -1.2, 100.0), ([3, 4], 2.0, 50.0)];
         let groups = groups(5, &edges);
         assert_eq!(groups, [0, 0, 0, 3, 3]);
-        let x = solved(5, &edges, &groups);
-        // The triangle's error of 0.3 is shared alike: -0.4, -1.3.
+        let x = solve_gains(5, &edges, &groups);
+        // The triangle's error of 0.3 is distributed evenly: -0.4, -1.3.
         for (found, expected) in x.iter().zip([0.0, -0.4, -1.3, 0.0, 2.0]) {
             assert!((found - expected).abs() < 1e-9, "{x:?}");
         }

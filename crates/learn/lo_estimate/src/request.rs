@@ -7,49 +7,56 @@ use lo_scene::{CameraSource, Frame, FrameError};
 
 use crate::{EstimateError, Estimator, Input};
 
-/// A photo with what else is known of its view: what every front end starts an estimate from.
+/// A photo with the user's information on its camera and depth, as front ends receive it.
+///
+/// [`Estimator::resolve`] turns it into an [`Input`].
 #[derive(Debug)]
 pub struct PhotoRequest {
-    /// The photo as it was read.
+    /// The photo file with its EXIF data.
     pub photo: PhotoFile,
-    /// The camera, where the user states it. Otherwise EXIF, a depth model, the networks or a default tell it.
+    /// The camera in pixels of the photo, if the user gives it.
+    ///
+    /// Otherwise it comes from EXIF, the depth model, the networks or [`DEFAULT_HFOV_DEG`](crate::DEFAULT_HFOV_DEG).
     pub camera: Option<Camera>,
-    /// Where depth comes from.
+    /// Source of the depth.
     pub depth: DepthSource,
 }
 
-/// Where a photo's depth comes from.
+/// The source of a photo's depth.
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum DepthSource {
-    /// The program's own depth network.
+    /// The estimator's own depth network.
     Network,
-    /// A sensor, in metres along the optical axis, of any resolution.
+    /// Depth of a sensor, in metres along the optical axis, at any resolution.
     Measured(DepthMap),
-    /// Another program's network, in metres along the optical axis, of any resolution.
+    /// Depth predicted by another program's network, in metres along the optical axis, at any resolution.
     Predicted(DepthMap),
-    /// A third-party depth model.
+    /// A third-party depth model in an ONNX file (feature `depth-models`).
     #[cfg(feature = "depth-models")]
     Model(Box<DepthModel>),
 }
 
-/// A request whose camera and depth are settled.
+/// A request with its camera and depth determined.
 #[derive(Debug)]
 pub struct ResolvedPhoto {
     /// The input of [`Estimator::estimate`].
     pub input: Input,
     /// The camera, in pixels of the photo.
     pub camera: Camera,
-    /// Where the camera comes from, unless the user stated it:
-    /// [`EstimateOptions::camera_source`](crate::EstimateOptions::camera_source).
+    /// Source of the camera, `None` if the user gave it.
+    ///
+    /// It belongs into [`EstimateOptions::camera_source`](crate::EstimateOptions::camera_source).
     pub camera_source: Option<CameraSource>,
 }
 
 impl Estimator {
-    /// Settles the camera of a photo and runs its depth model, if it has one.
+    /// Determines the camera of a photo, and runs its depth model, if it has one.
     ///
     /// # Errors
-    /// A photo without pixels, depth of another aspect, models whose output cannot be used; `Cancelled` where
-    /// `on_event` breaks off.
+    /// - [`EstimateError::Frame`] if the photo has no pixels, or photo and depth do not form a [`Frame`].
+    /// - With [`DepthSource::Model`], the errors of `Estimator::predict_depth`.
+    /// - [`EstimateError::Cancelled`] if `on_event` breaks off.
     #[cfg_attr(not(feature = "depth-models"), expect(unused_variables, clippy::needless_pass_by_ref_mut))]
     pub fn resolve(&self, request: PhotoRequest, on_event: OnEvent<'_>) -> Result<ResolvedPhoto, EstimateError> {
         let PhotoRequest { photo, camera, depth } = request;
@@ -64,8 +71,8 @@ impl Estimator {
                 None => None,
             };
             let known_camera = known.map(|(camera, _)| camera);
-            let (predicted, told) = self.predict_depth(photo.photo, known_camera, &model, on_event)?;
-            let camera_source = known.map_or(told, |(_, source)| source);
+            let (predicted, predicted_source) = self.predict_depth(photo.photo, known_camera, &model, on_event)?;
+            let camera_source = known.map_or(predicted_source, |(_, source)| source);
             let camera = predicted.frame.camera;
             return Ok(ResolvedPhoto { input: Input::PredictedDepth(predicted), camera, camera_source });
         }

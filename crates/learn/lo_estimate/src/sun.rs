@@ -7,81 +7,90 @@ use lo_imaging::luminance;
 use lo_lights::{ShadowSupport, SunEdge, Sunlit, color_temperature_k, rgb_from_color, shadow_support, sun_from_shadow};
 use lo_scene::{AnalyticLight, Estimate, LightColor, LightShape};
 
-use crate::lighting::plausible;
+use crate::lighting::plausible_light;
 
-/// Share of the edges of sun patches that must not be clipped in a channel for the photo to tell how much of it the sun has.
+/// Least share of sun-patch edges unclipped in a channel at which that channel of the sun is measured.
 const MIN_UNCLIPPED: f32 = 0.3;
 
-/// Colour temperatures of sunlight in a photo whose white is the room's.
+/// Colour temperatures of sunlight in a photo that is white-balanced for the room, in kelvin.
 const DAYLIGHT_K: RangeInclusive<f32> = 2500.0..=10_000.0;
 
-/// Least cosine between the sun and a surface whose shade tells how bright it is.
+/// Least cosine between the sun and the normal of a surface that measures its brightness.
 const MIN_COSINE: f32 = 0.2;
 
-/// The sun that a photo shows by its patches.
+/// A sun estimated from the sun patches of a photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhotoSun {
-    /// As a light to add to the scene: [`lo_scene::LightShape::Sun`] `of_photo`, as bright as the patches are beside the shade.
+    /// The light to add to the scene: a [`LightShape::Sun`](lo_scene::LightShape::Sun) with `of_photo`.
+    ///
+    /// Its radiance explains the contrast between the patches and the adjacent shade.
     pub light: AnalyticLight,
-    /// Share of the photo that is in the sun.
+    /// Share of the photo that is sunlit, 0 to 1.
     pub lit_share: f32,
-    /// Whether patches are clipped in the photo, so that the sun is at least as bright as this.
+    /// Whether patches are clipped in the photo. The radiance is then a lower bound.
     pub clipped: bool,
 }
 
-/// Why a thing and its shadow give no sun.
+/// An error of [`supported_sun`].
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ShadowError {
-    /// Depth is missing at one of the two pixels, or the shadow does not lie below the thing.
-    #[error("by the scene's depth the shadow does not lie below the thing")]
+    /// Depth is missing at one of the two pixels, or the shadow is not below the object.
+    #[error("by the scene's depth, the shadow is not below the object")]
     NotBelow,
-    /// The photo's edges around the shadow do not support it.
+    /// The photo's edges around the shadow do not support the direction.
     #[error("no edge of a sun patch supports the shadow: of {} sharp edges {} are sunny", support.edges, support.sunny)]
     Unsupported {
-        /// Unit vector towards the sun that the two pixels give.
+        /// Unit vector towards the sun, from the two pixels.
         direction: Vec3,
-        /// The edges around the shadow.
+        /// Counts of edges around the shadow.
         support: ShadowSupport,
     },
 }
 
-/// Unit vector towards the sun in which the thing at one pixel of the photo casts its shadow on another one.
+/// Returns the unit vector towards the sun under which an object casts its shadow onto another pixel.
+///
+/// `object` and `shadow` are column and row in pixels of the photo.
 ///
 /// # Errors
-/// Where depth gives no direction, or the photo's edges do not support it ([`ShadowSupport::is_enough`]).
-pub fn supported_sun(estimate: &Estimate, thing: [f64; 2], shadow: [f64; 2]) -> Result<Vec3, ShadowError> {
-    let direction = sun_from_shadow(estimate, thing, shadow).ok_or(ShadowError::NotBelow)?;
+/// - [`ShadowError::NotBelow`] if depth gives no direction.
+/// - [`ShadowError::Unsupported`] if too few edges of sun patches agree ([`ShadowSupport::is_enough`]).
+pub fn supported_sun(estimate: &Estimate, object: [f64; 2], shadow: [f64; 2]) -> Result<Vec3, ShadowError> {
+    let direction = sun_from_shadow(estimate, object, shadow).ok_or(ShadowError::NotBelow)?;
     let support = shadow_support(estimate, direction, shadow);
     if support.is_enough() { Ok(direction) } else { Err(ShadowError::Unsupported { direction, support }) }
 }
 
-/// How bright the sun is that makes the patches of a scene's photo, by the light that the room gives to the shade beside them
-/// in plausible light. `None` where no surface that faces it has any.
+/// Estimates the radiance of the sun from the sun patches in an estimate's photo.
 ///
-/// At an edge of a patch the radiances in the sun and in the shade have the ratio (E + S cos θ) / E, on any diffuse surface.
-pub fn sun_of_photo(estimate: &Arc<Estimate>, direction: Vec3, angular_radius_deg: f32) -> Option<PhotoSun> {
+/// `direction` is the unit vector towards the sun. `angular_radius_deg` is its angular radius in degrees, 0.27 for the
+/// real sun. Returns `None` if no surface that faces the sun has a patch with sharp edges.
+///
+/// At an edge of a patch on any diffuse surface, the radiances in sun and shade have the ratio (E + S cos θ) / E. E is
+/// the irradiance of the shade in plausible light, S the sun's irradiance at normal incidence.
+pub fn sun_from_photo(estimate: &Arc<Estimate>, direction: Vec3, angular_radius_deg: f32) -> Option<PhotoSun> {
     let sunlit = Sunlit::new(estimate.surface(), direction)?;
-    let (lit, _) = plausible(estimate);
+    let (lit, _) = plausible_light(estimate);
     let faces = |edge: &&SunEdge| edge.normal.dot(direction) > MIN_COSINE;
     let edges: Vec<&SunEdge> = sunlit.edges().iter().filter(faces).collect();
-    let places: Vec<(Vec3, Vec3)> = edges.iter().map(|edge| (edge.shaded_m, edge.normal)).collect();
-    let shade = irradiance_at(&lit.light, &places);
+    let surfaces: Vec<(Vec3, Vec3)> = edges.iter().map(|edge| (edge.shaded_m, edge.normal)).collect();
+    let shade = irradiance_at(&lit.light, &surfaces);
     let of_edge = |(edge, shade): (&&SunEdge, &Vec3)| (edge.ratio - 1.0) * *shade / edge.normal.dot(direction);
     let strengths: Vec<Vec3> = edges.iter().zip(&shade).map(of_edge).collect();
     let channel = |c: usize| {
         let unclipped = edges.iter().filter(|edge| !edge.clipped[c]).count() as f32;
         let clipped = unclipped < MIN_UNCLIPPED * edges.len() as f32;
-        let told = edges.iter().zip(&strengths).filter(|(edge, _)| clipped || !edge.clipped[c]);
-        Some((median(told.map(|(_, strength)| strength[c].max(0.0)).collect())?, clipped))
+        let measured = edges.iter().zip(&strengths).filter(|(edge, _)| clipped || !edge.clipped[c]);
+        Some((median(measured.map(|(_, strength)| strength[c].max(0.0)).collect())?, clipped))
     };
     let channels = [channel(0)?, channel(1)?, channel(2)?];
-    // Of a clipped channel there is more than the photo says: as much as of the strongest.
+    // A clipped channel is underestimated, so it gets the value of the strongest channel.
     let strongest = channels.iter().map(|(strength, _)| *strength).fold(0.0, f32::max);
     let strength = Vec3::from(channels.map(|(strength, clipped)| if clipped { strongest } else { strength }));
     let clipped = channels.iter().any(|(_, clipped)| *clipped);
     let shape = LightShape::Sun { direction, angular_radius_deg, of_photo: true };
     let dark = AnalyticLight { shape, radiance: [0.0; 3] };
-    // Of the colours that daylight has, the nearest: what is told of three channels by three sets of edges may be green.
+    // Snapped to daylight, because three channels from three sets of edges may combine to green.
     let kelvin = color_temperature_k(strength.to_array()).filter(|kelvin| DAYLIGHT_K.contains(kelvin));
     let colour = kelvin.map_or(Vec3::ONE, |kelvin| rgb_from_color(LightColor::Kelvin(kelvin)));
     let radiance = (colour * (luminance(strength.to_array()) / dark.extent())).to_array();
@@ -110,8 +119,9 @@ mod tests {
     const FLOOR_M: f32 = -0.8;
     const SUN: Vec3 = Vec3::new(0.36, 0.8, 0.48);
 
-    /// A room whose surfaces all give off 0.2, so that each place gets 0.2 π. Its floor of albedo 0.5 has a patch that a sun of this strength makes, by
-    /// channel; the camera looks down at it.
+    /// A room whose surfaces all have radiance 0.2, so that irradiance is 0.2 π everywhere.
+    ///
+    /// Its floor, of albedo 0.5, has a patch from a sun of irradiance `strength`. The camera looks down at it.
     fn room(strength: Vec3) -> Arc<Estimate> {
         let (width, height) = (240, 160);
         let points = lo_geometry::fibonacci_sphere(200_000).into_iter().map(|direction| {
@@ -140,10 +150,10 @@ mod tests {
     #[test]
     fn the_sun_is_as_bright_as_its_patches_say() {
         let strength = rgb_from_color(LightColor::Kelvin(5000.0)) * 4.0;
-        let found = sun_of_photo(&room(strength), SUN, 0.27).unwrap();
+        let found = sun_from_photo(&room(strength), SUN, 0.27).unwrap();
         let own = Vec3::from(found.light.radiance) * found.light.extent();
         assert!((own / strength - 1.0).abs().max_element() < 0.1, "{own}");
-        // 1.0 by 0.5 m of the floor, seen from 0.8 m above and 2 m away.
+        // The patch is 1.0 m by 0.5 m, 2 m away and 0.8 m below the camera.
         assert!(!found.clipped && (0.02..0.1).contains(&found.lit_share), "{found:?}");
         assert!(matches!(found.light.shape, LightShape::Sun { direction: SUN, of_photo: true, .. }));
     }
@@ -151,7 +161,7 @@ mod tests {
     #[test]
     fn a_shadow_without_an_edge_is_refused() {
         let scene = room(Vec3::splat(4.0));
-        // The wall above, and the floor: no edge lies around the second pixel.
+        // The wall above, and the floor: there is no edge around the second pixel.
         assert!(matches!(
             supported_sun(&scene, [120.0, 40.0], [20.0, 150.0]),
             Err(ShadowError::Unsupported { support: ShadowSupport { edges: 0, .. }, .. })
@@ -161,6 +171,6 @@ mod tests {
 
     #[test]
     fn a_photo_without_patches_shows_no_sun() {
-        assert_eq!(sun_of_photo(&room(Vec3::ZERO), SUN, 0.27), None);
+        assert_eq!(sun_from_photo(&room(Vec3::ZERO), SUN, 0.27), None);
     }
 }

@@ -1,4 +1,4 @@
-//! The front door, with untrained networks and without.
+//! `Estimator::estimate`, with untrained networks and without networks.
 #![allow(clippy::unwrap_used)]
 
 mod photos;
@@ -18,7 +18,7 @@ use lo_scene::{CameraSource, Completion, Estimate, Frame, LitScene, SceneFile};
 
 use lo_completion::LampFit;
 
-use crate::{EstimateError, EstimateOptions, Estimator, Input, plausible};
+use crate::{EstimateError, EstimateOptions, Estimator, Input, plausible_light};
 
 /// A wall two metres away, grey, 96 × 64 pixels.
 fn grey_wall() -> Frame {
@@ -28,12 +28,12 @@ fn grey_wall() -> Frame {
 }
 
 #[test]
-fn without_completion_only_the_seen_is_there() {
+fn without_completion_only_observed_leaves_exist() {
     let options = EstimateOptions { completion: Some(Completion::None), ..EstimateOptions::default() };
     let scene = Estimator::without_networks()
         .estimate(Input::MeasuredDepth(grey_wall()), &options, &mut lo_events::ignore)
         .unwrap();
-    // 128 of 255 is 0.2158605 by IEC 61966-2-1
+    // sRGB 128/255 is 0.2158605 in linear light, by IEC 61966-2-1.
     for rgba in scene.light.rgba.last().unwrap() {
         assert!((rgba[0] - 0.215_860_5).abs() < 1e-6, "{rgba:?}");
     }
@@ -47,7 +47,7 @@ fn without_completion_only_the_seen_is_there() {
 }
 
 #[test]
-fn the_shell_adds_what_is_not_seen_and_says_so() {
+fn the_shell_adds_inferred_leaves_and_warns() {
     let mut events = Vec::new();
     let hear = &mut |event| {
         events.push(event);
@@ -60,13 +60,13 @@ fn the_shell_adds_what_is_not_seen_and_says_so() {
     assert_eq!(scene.room.as_ref().unwrap().planes.len(), 6);
     let stages = events.iter().filter(|event| matches!(event, Event::Done { .. })).count();
     assert_eq!(stages, 3);
-    // The wall is one of four; neither floor nor ceiling is seen.
+    // One of four walls is observed, and neither floor nor ceiling.
     let planes = Warning::AssumedPlanes { floor: true, ceiling: true, walls: 3 };
     assert!(events.contains(&Event::Warning(planes)), "{events:?}");
 }
 
 #[test]
-fn what_cannot_be_done_is_an_error() {
+fn missing_networks_and_invalid_depths_are_errors() {
     let network = EstimateOptions { completion: Some(Completion::Network), ..EstimateOptions::default() };
     let error = |input: Input, options: &EstimateOptions| {
         Estimator::without_networks().estimate(input, options, &mut lo_events::ignore).unwrap_err()
@@ -89,14 +89,14 @@ fn config() -> LightNetConfig {
     LightNetConfig { blocks: 1, bottleneck: 2, head_channels: 8, global_features: 6, global_channels: 2, ..small }
 }
 
-/// Untrained networks, in which some values are others.
-fn estimator(config: &LightNetConfig, others: &[(&str, &[usize], f32)]) -> Estimator {
+/// Untrained networks, with the given tensors replaced by constants.
+fn estimator(config: &LightNetConfig, constants: &[(&str, &[usize], f32)]) -> Estimator {
     let mut checkpoint = Checkpoint::default();
     let mut networks = Networks::new(EncoderKind::default(), config, 5, &Device::flex()).unwrap();
-    // What has learned nothing holds cameras upside down.
+    // Untrained, it predicts cameras upside down.
     networks.depth.perspective = None;
     networks.add_to(&mut checkpoint);
-    for (name, shape, value) in others {
+    for (name, shape, value) in constants {
         checkpoint.insert(name, shape, vec![*value; shape.iter().product()]);
     }
     Estimator::new(Networks::from_checkpoint(checkpoint, &Device::flex()).unwrap())
@@ -137,13 +137,13 @@ fn estimated(frame: Frame, estimator: &Estimator) -> (Estimate, Vec<Event>) {
     (estimator.estimate(Input::MeasuredDepth(frame), &options(), hear).unwrap(), events)
 }
 
-/// Closed by planes.
+/// Estimates with the room closed by planes.
 fn closed(input: Input, estimator: &Estimator) -> Estimate {
     let options = EstimateOptions { completion: Some(Completion::Shell), ..EstimateOptions::default() };
     estimator.estimate(input, &options, &mut lo_events::ignore).unwrap()
 }
 
-/// From the camera, the wall is where it is and as the photo shows it at these pixels.
+/// Asserts that at these pixels the octree, from the camera, has the wall's radiance and distance.
 fn assert_seen(scene: &Estimate, pixels: &[(usize, usize)]) {
     let view = ConeTracer::new(&scene.light, lo_cone::Settings::default()).unwrap().perspective(&camera());
     let (wall, radiance) = (wall(), scene.frame.radiance());
@@ -155,13 +155,13 @@ fn assert_seen(scene: &Estimate, pixels: &[(usize, usize)]) {
 }
 
 #[test]
-fn what_the_photo_saw_is_in_the_scene() {
-    // Weights that want to change everything.
+fn observed_radiance_is_kept() {
+    // These weights would change all radiance.
     let (scene, events) =
         estimated(wall(), &estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 9], 0.5)]));
     let frame = &scene.frame;
     assert_eq!((&frame.photo, scene.origin.completion, scene.light.octree.depth()), (&photo(), Completion::Network, 7));
-    // A leaf is 6 cm: four pixels.
+    // A leaf of 6 cm covers four pixels.
     assert_seen(&scene, &[(10, 10), (20, 50), (30, 20), (70, 12), (85, 55)]);
     let (seen, confidence) = (scene.light.seen.last().unwrap(), scene.confidence.as_ref().unwrap());
     assert!(seen.contains(&255) && seen.contains(&0), "seen, and clipped");
@@ -182,7 +182,7 @@ fn a_window_without_depth_readings_lies_in_the_wall() {
     let frame = Frame::new(photo(), depth_m, camera(), 1.0).unwrap();
     let (scene, events) = estimated(frame, &estimator(&config(), &[]));
     assert_seen(&scene, &[(10, 10), (64, 14), (74, 32), (84, 50)]);
-    // The window's share of the picture.
+    // The window's share of the photo.
     let filled = events.iter().find_map(|event| match event {
         Event::Warning(Warning::FilledDepth { filled, pixels }) => Some(*filled as f32 / *pixels as f32),
         _ => None,
@@ -192,24 +192,24 @@ fn a_window_without_depth_readings_lies_in_the_wall() {
 }
 
 #[test]
-fn objects_get_the_light_that_what_is_seen_asks_for() {
-    // Weights that make what is not seen dark, in both guesses.
-    let others: [(&str, &[usize], f32); 2] =
+fn plausible_light_is_fitted_to_observed_shading() {
+    // These weights make inferred light dark, in the light network and in the global panorama.
+    let constants: [(&str, &[usize], f32); 2] =
         [("light_net.regression.3.output.bias", &[1, 9], -4.0), ("depth_net.panorama.output.bias", &[3], -9.0)];
-    let dark = estimator(&config(), &others);
+    let dark = estimator(&config(), &constants);
     let (before, _) = estimated(wall(), &dark);
-    let (scene, report) = plausible(&Arc::new(before.clone()));
+    let (scene, report) = plausible_light(&Arc::new(before.clone()));
     assert!(report.fit.surfaces > 1.5 && scene.light != before.light, "{report:?}");
     let darker = |(a, b): (&[f32; 4], &[f32; 4])| (0..3).any(|c| a[c] < b[c]) || a[3] != b[3];
     assert!(!scene.light.rgba.iter().flatten().zip(before.light.rgba.iter().flatten()).any(darker));
     let shell = closed(Input::MeasuredDepth(wall()), &dark);
-    let (lit, report) = plausible(&Arc::new(shell.clone()));
+    let (lit, report) = plausible_light(&Arc::new(shell.clone()));
     assert_eq!((report.fit, lit), (LampFit::default(), LitScene::as_estimated(shell)));
 }
 
 #[test]
 fn the_same_photo_gives_the_same_bytes_on_any_number_of_threads() {
-    // Untrained heads give the same whatever they are given.
+    // Untrained heads ignore their input; this one does not.
     let estimator = estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 9], 0.1)]);
     let run = |threads, seed| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -237,7 +237,7 @@ fn a_photo_alone_gets_its_depth() {
     let depth_m = &scene.frame.depth_m;
     assert_eq!((depth_m.width(), depth_m.height()), SIZE);
     assert!(scene.origin.predicted_depth && scene.confidence.is_some());
-    // Completion does not ask where depth comes from.
+    // Completion by planes works with predicted depth.
     let shell = closed(alone(), &estimator);
     assert_eq!(
         (&shell.frame, shell.origin.completion, shell.origin.predicted_depth),
@@ -245,21 +245,21 @@ fn a_photo_alone_gets_its_depth() {
     );
     assert_eq!((shell.light.octree.depth(), shell.confidence), (7, None));
     assert!(events.contains(&Event::Warning(Warning::PredictedDepth)));
-    // Of the ways to hold a camera.
+    // The estimate favours typical camera poses.
     let up = scene.room.as_ref().unwrap().up;
     assert!(up.y > 0.7 && up.x.abs() < 0.12, "{up}");
 }
 
 #[test]
-fn networks_that_have_learned_the_camera_tell_it_where_nobody_else_does() {
+fn the_networks_predict_the_camera_without_exif() {
     let networks = Networks::new(EncoderKind::EfficientNetLite0, &config(), 5, &Device::flex()).unwrap();
     let estimator = Estimator::new(networks);
     let file = |focal| PhotoFile { photo: photo(), focal, exposure: PhotoExposure::default() };
     let (lens, source) = estimator.camera_of(&file(FocalLength::default())).unwrap();
-    let srgb8 = crate::view::srgb8(&lo_scene::working_photo(&photo()));
-    let told = estimator.networks().unwrap().perspective(&srgb8, None).unwrap();
-    assert!((lens.half_extent() / told.camera.half_extent - 1.0).abs() < 1e-9);
-    assert_eq!(source, CameraSource::Network { deviation_deg: told.fov_deviation_deg as f32 });
+    let srgb8 = crate::prepared_input::srgb8(&lo_scene::working_photo(&photo()));
+    let predicted = estimator.networks().unwrap().perspective(&srgb8, None).unwrap();
+    assert!((lens.half_extent() / predicted.camera.half_extent - 1.0).abs() < 1e-9);
+    assert_eq!(source, CameraSource::Network { deviation_deg: predicted.fov_deviation_deg as f32 });
     let film = FocalLength { equivalent_35mm: Some(28.0), ..FocalLength::default() };
     assert_eq!(estimator.camera_of(&file(film)).unwrap().1, CameraSource::Exif);
 
@@ -268,19 +268,19 @@ fn networks_that_have_learned_the_camera_tell_it_where_nobody_else_does() {
         let options = EstimateOptions { completion: Some(Completion::Shell), up, ..options() };
         estimator.estimate(alone(), &options, &mut lo_events::ignore).unwrap()
     };
-    let held = estimator.networks().unwrap().perspective(&srgb8, Some(camera().half_extent())).unwrap();
+    let perspective = estimator.networks().unwrap().perspective(&srgb8, Some(camera().half_extent())).unwrap();
     let scene = closed(None);
-    assert!(up_of(&scene).angle_between(held.camera.up) < 1e-3, "{} {}", up_of(&scene), held.camera.up);
-    assert_eq!(scene.origin.up_deviation_deg, Some(held.up_deviation_deg as f32));
+    assert!(up_of(&scene).angle_between(perspective.camera.up) < 1e-3, "{} {}", up_of(&scene), perspective.camera.up);
+    assert_eq!(scene.origin.up_deviation_deg, Some(perspective.up_deviation_deg as f32));
     let level = closed(Some(Vec3::Y));
     assert_eq!((up_of(&level), level.origin.up_deviation_deg), (Vec3::Y, None));
-    // What a sensor measured tells up itself.
+    // With measured depth, surfaces determine up.
     let measured = Input::MeasuredDepth(grey_wall());
     assert_eq!(estimator.estimate(measured, &options(), &mut lo_events::ignore).unwrap().origin.up_deviation_deg, None);
 }
 
 #[test]
-fn trees_stay_within_the_budget_and_say_so() {
+fn octrees_stay_within_the_node_budget_with_a_warning() {
     let config = LightNetConfig { max_nodes: Some(2000), ..config() };
     let split = |stage| format!("light_net.prediction.{stage}.output.bias");
     let names: Vec<String> = (0..4).map(split).collect();
@@ -292,7 +292,7 @@ fn trees_stay_within_the_budget_and_say_so() {
 }
 
 #[test]
-fn networks_that_do_not_fit_are_errors() {
+fn damaged_networks_and_invalid_depths_are_errors() {
     let error = |input: Input, estimator: &Estimator, options: &EstimateOptions| {
         estimator.estimate(input, options, &mut lo_events::ignore).unwrap_err()
     };
@@ -301,7 +301,7 @@ fn networks_that_do_not_fit_are_errors() {
     assert!(matches!(light, EstimateError::Light(_)) && light.to_string().contains("NaN or infinite"), "{light}");
     let depth = estimator(&config(), &[("depth_net.decoder.output.bias", &[1], f32::NAN)]);
     let depth = error(alone(), &depth, &options());
-    assert!(matches!(depth, EstimateError::PredictedDepth), "{depth}");
+    assert!(matches!(depth, EstimateError::NonFiniteDepth), "{depth}");
     let shallow = EstimateOptions { octree_depth: Some(5), ..options() };
     let shallow = error(Input::MeasuredDepth(wall()), &estimator(&config(), &[]), &shallow);
     assert!(matches!(shallow, EstimateError::OctreeDepth { asked: 5, own: 6 }), "{shallow}");
@@ -311,7 +311,7 @@ fn networks_that_do_not_fit_are_errors() {
 }
 
 #[test]
-fn depth_of_another_network_gets_what_the_own_gets() {
+fn external_predicted_depth_is_treated_like_own_depth() {
     let estimator = estimator(&config(), &[]);
     let own = estimator.estimate(alone(), &options(), &mut lo_events::ignore).unwrap();
     let estimate = |input| {
@@ -322,13 +322,13 @@ fn depth_of_another_network_gets_what_the_own_gets() {
         };
         (estimator.estimate(input, &options(), hear).unwrap(), warned)
     };
-    // The own network's depth, from outside: the same scene, to the bit.
+    // The own network's depth, passed as input, gives a bit-identical estimate.
     let (other, warned) = estimate(Input::PredictedDepth(own.frame.clone().into()));
     assert!(warned && other == own);
-    // A sensor's is believed.
+    // Measured depth is used without correction.
     let (measured, warned) = estimate(Input::MeasuredDepth(own.frame.clone()));
     assert!(!warned && !measured.origin.predicted_depth);
-    // Finer depth of the same surfaces has the same say in which way is up.
+    // Depth of finer resolution has the same weight in the estimate of up.
     let depth_m = lo_imaging::resize_depth(&own.frame.depth_m, 10 * SIZE.0, 10 * SIZE.1);
     let (fine, _) = estimate(Input::PredictedDepth(Frame { depth_m, ..own.frame.clone() }.into()));
     let up = |scene: &Estimate| scene.room.as_ref().unwrap().up;
@@ -347,7 +347,7 @@ fn defaults_are_the_network_where_there_is_one() {
 }
 
 #[test]
-fn a_handler_can_end_the_job_between_all_steps() {
+fn a_handler_can_cancel_after_every_event() {
     let estimator = estimator(&config(), &[]);
     let mut all = Vec::new();
     let hear = &mut |event| {

@@ -1,16 +1,17 @@
 use lo_nets::Networks;
 use lo_nets::checkpoint::CheckpointError;
 
-/// File name of the trained weights in messages.
+/// Name of the embedded weights in messages.
 const NAME: &str = "lightoctree.safetensors";
 
 static BYTES: &[u8] = include_bytes!("../weights/lightoctree.safetensors");
 
-/// The trained networks that this library carries (`weights/README.md` says how they were made and what they can do); the feature
-/// `weights`, on by default, brings them.
+/// Loads the trained networks that are embedded in this library (feature `weights`, on by default).
+///
+/// `weights/README.md` is their model card.
 ///
 /// # Errors
-/// None, unless the library itself is damaged.
+/// Only if the embedded weights are corrupt.
 pub(crate) fn shipped_networks() -> Result<Networks, CheckpointError> {
     Networks::from_bytes(BYTES, NAME)
 }

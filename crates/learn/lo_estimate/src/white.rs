@@ -4,59 +4,61 @@ use lo_imaging::Photo;
 use lo_scene::{Estimate, ExpectedLight};
 
 use crate::LightingError;
-use crate::lighting::{expected, hue};
+use crate::lighting::{expected_light, unit_luminance};
 
-/// Checks that a pixel of the photo can serve as white.
+/// Checks that a pixel of the photo can serve as white, for [`LightTuning::white`](lo_scene::LightTuning::white).
+///
+/// `pixel` is column and row in pixels of the photo.
 ///
 /// # Errors
-/// Where it lies outside of the photo, shows no surface, or is clipped or black.
+/// If the pixel is outside the photo, shows no surface, or is clipped or black.
 pub fn check_white(estimate: &Estimate, pixel: [f64; 2]) -> Result<(), LightingError> {
     white_surface(estimate, pixel).map(|_| ())
 }
 
-/// Gains by channel that give inferred light the photo's colour at the white pixel; 1 without one.
+/// Returns gains of red, green and blue that give inferred light the photo's colour at the white pixel; 1 without one.
 pub(crate) fn white_tint(
     estimate: &Estimate,
-    seen: &ObservedShading,
+    shading: &ObservedShading,
     white: Option<[f64; 2]>,
 ) -> Result<[f32; 3], LightingError> {
-    match (expected(estimate), white) {
-        (Some(expected), Some(white)) => tint_of_white(estimate, expected, seen, white),
+    match (expected_light(estimate), white) {
+        (Some(expected), Some(white)) => tint_from_white(estimate, expected, shading, white),
         _ => Ok([1.0; 3]),
     }
 }
 
-/// The surface that a pixel shows, and its colour, of luminance 1.
+/// Returns position and normal of the surface at a pixel, and its colour at luminance 1.
 fn white_surface(estimate: &Estimate, [u, v]: [f64; 2]) -> Result<((Vec3, Vec3), [f32; 3]), LightingError> {
-    let place = lo_insert::surface_at_pixel(estimate, u, v).map_err(LightingError::White)?;
-    Ok((place, hue(colour_around(&estimate.frame.photo, [u, v])?)))
+    let surface = lo_insert::surface_at_pixel(estimate, u, v).map_err(LightingError::White)?;
+    Ok((surface, unit_luminance(colour_around(&estimate.frame.photo, [u, v])?)))
 }
 
-/// Fixed-point steps to the tint of what is white: each takes away most of the rest.
+/// Fixed-point steps to the tint. Each removes most of the remaining error.
 const WHITE_STEPS: usize = 4;
 
-/// Most that a channel's gain changes by for what is white.
+/// Largest gain of a channel, and inverse of the smallest.
 const MAX_TINT: f32 = 4.0;
 
-/// Gains under which light has the colour of the photo where that shows something white.
-fn tint_of_white(
+/// Finds the gains under which irradiance at the white pixel has the photo's colour.
+fn tint_from_white(
     estimate: &Estimate,
     expected: &ExpectedLight,
-    seen: &ObservedShading,
+    shading: &ObservedShading,
     white: [f64; 2],
 ) -> Result<[f32; 3], LightingError> {
-    let (place, shown) = white_surface(estimate, white)?;
+    let (surface, shown) = white_surface(estimate, white)?;
     let mut tint = [1.0; 3];
     for _ in 0..WHITE_STEPS {
         let mut light = estimate.light.clone();
         lo_completion::apply_expected_light(
             &mut light,
             expected,
-            seen,
+            shading,
             &ExpectedLightOptions { tint, ..ExpectedLightOptions::default() },
         );
-        let irradiance = lo_completion::irradiance_at(&light, &[place]).first().copied().unwrap_or(Vec3::ONE);
-        let got = hue(irradiance.to_array());
+        let irradiance = lo_completion::irradiance_at(&light, &[surface]).first().copied().unwrap_or(Vec3::ONE);
+        let got = unit_luminance(irradiance.to_array());
         for c in 0..3 {
             tint[c] = (tint[c] * shown[c] / got[c].max(1e-3)).clamp(1.0 / MAX_TINT, MAX_TINT);
         }
@@ -64,7 +66,7 @@ fn tint_of_white(
     Ok(tint)
 }
 
-/// Mean linear colour of 5 × 5 pixels.
+/// Returns the mean linear colour of 5 × 5 pixels.
 fn colour_around(photo: &Photo, [u, v]: [f64; 2]) -> Result<[f32; 3], LightingError> {
     const AROUND: usize = 2;
     let (width, height) = (photo.width(), photo.height());

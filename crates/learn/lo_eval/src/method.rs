@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use lo_cone::{Cone, OctreeRenderer};
 use lo_dataset::{NovelView, Sample, TrueLeaves};
-use lo_estimate::{EstimateOptions, Estimator, Input, lit_by};
+use lo_estimate::{EstimateOptions, Estimator, Input, apply_light};
 use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
 use lo_lookup::SceneRenderer;
@@ -299,7 +299,7 @@ fn estimate_lit(
     mode: LightMode,
 ) -> Result<LitScene, MethodError> {
     let guessed = GuessedLight { light: mode, tuning: LightTuning::default() };
-    let lit = lit_by(&estimate_scene(sample, input, tools)?, &guessed);
+    let lit = apply_light(&estimate_scene(sample, input, tools)?, &guessed);
     Ok(lit.expect("the default tuning has no white pixel").0)
 }
 

@@ -2,7 +2,7 @@
 
 use lo_cone::{ConeTracer, Settings};
 use lo_dataset::{NovelView, Sample, TrueLeaves, true_octree};
-use lo_estimate::SeenFrame;
+use lo_estimate::ObservedFrame;
 use lo_geometry::{Camera, Cube, Mat3, Perspective, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 use lo_nets::depth::{DepthNet, size_within};
@@ -206,7 +206,7 @@ impl LightExample {
 
 /// An augmented sample's room, as input and target of the light network.
 pub(crate) struct AugmentedRoom {
-    pub seen: SeenFrame,
+    pub seen: ObservedFrame,
     /// The frame at the working resolution.
     pub working: Frame,
     points: Vec<lo_octree::RadiancePoint>,
@@ -233,7 +233,7 @@ impl AugmentedRoom {
         let photo = Photo::Srgb8(variation.photo(&sample.photo));
         let frame = Frame::new(photo, depth_m, variation.camera(&sample.camera), 1.0).map_err(invalid)?;
         let working = frame.working();
-        let seen = SeenFrame::new(&working, variation.up(sample), None)
+        let seen = ObservedFrame::new(&working, variation.up(sample), None)
             .ok_or(UnusableSample::Missing("depth reading that is not a flying pixel's"))?;
         let mut points = variation.points(&sample.points);
         points.iter_mut().for_each(|point| point.position_m *= scale);
@@ -242,13 +242,13 @@ impl AugmentedRoom {
 
     /// Returns the light network's input.
     pub fn input(&self, network: &LightNetConfig, seed: u64) -> Result<LightInput, UnusableSample> {
-        let SeenFrame { points, camera, cube, .. } = &self.seen;
+        let ObservedFrame { points, camera, cube, .. } = &self.seen;
         LightInput::new(points, camera, *cube, network, seed).map_err(invalid)
     }
 
     /// Returns the true octree, the light network's target.
     pub fn truth(&self, network: &LightNetConfig) -> Result<LightOctree, UnusableSample> {
-        let SeenFrame { cube, .. } = self.seen;
+        let ObservedFrame { cube, .. } = self.seen;
         true_octree(&self.points, TrueLeaves::All, cube, network.depth, network.full_depth).map_err(invalid)
     }
 

@@ -1,7 +1,7 @@
 //! Training of the networks (`docs/method.md` §7): depth network, light network, both jointly, and expected light.
 //!
 //! [`train`] runs all phases of a [`TrainConfig`] in one folder and reports progress through `lo_events`. The light
-//! network's inputs come from [`lo_estimate::SeenFrame`], as in estimation.
+//! network's inputs come from [`lo_estimate::ObservedFrame`], as in estimation.
 
 mod augmentation;
 mod batcher;

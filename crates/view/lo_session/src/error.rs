@@ -1,6 +1,6 @@
 use lightoctree::imaging::ImageError;
 use lightoctree::insert::InsertError;
-use lightoctree::lo_lights::LightsError;
+use lightoctree::lights::LightsError;
 use lightoctree::mesh::MeshError;
 
 /// A command was refused, or an image could not be rendered.

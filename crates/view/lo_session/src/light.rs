@@ -1,6 +1,6 @@
 use lightoctree::Estimate;
 use lightoctree::geometry::Vec3;
-use lightoctree::lo_lights::{rgb_from_color, sun_direction};
+use lightoctree::lights::{rgb_from_color, sun_direction};
 use lightoctree::scene::{AnalyticLight, LightColor, LightShape};
 use serde::{Deserialize, Serialize};
 

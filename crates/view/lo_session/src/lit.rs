@@ -2,7 +2,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use lightoctree::geometry::Vec3;
 use lightoctree::scene::LightEdits;
-use lightoctree::{FittedLight, GuessedLight, LaidLight, LitScene};
+use lightoctree::{AppliedLight, FittedLight, GuessedLight, LitScene};
 
 use crate::{OpenScene, SessionError, State};
 
@@ -16,7 +16,7 @@ pub struct LitSceneCache {
     /// The last scene whose lamps are only previewed.
     draft: Mutex<Option<CachedScene>>,
     /// Lights by choice, newest last.
-    laid: Mutex<Vec<Arc<LaidLight>>>,
+    laid: Mutex<Vec<Arc<AppliedLight>>>,
     /// Locked while lamps are fitted.
     fitting: Mutex<()>,
 }
@@ -31,7 +31,7 @@ struct CachedScene {
 impl LitSceneCache {
     /// Creates a cache for one scene.
     pub fn new(scene: Arc<OpenScene>) -> Self {
-        let laid = Mutex::new(vec![Arc::new(scene.fitted.usual().clone())]);
+        let laid = Mutex::new(vec![Arc::new(scene.fitted.default_light().clone())]);
         Self { scene, last: Mutex::default(), draft: Mutex::default(), laid, fitting: Mutex::default() }
     }
 
@@ -61,8 +61,8 @@ impl LitSceneCache {
                 cached(&self.last, state, None, || Ok(self.scene.fitted.lit(&laid, &state.lights)?))
             }
             Some(at) => cached(&self.last, state, Some(at), || {
-                let fitted = FittedLight::seen_from(&self.scene.document.estimate, at);
-                Ok(fitted.lit(&fitted.laid(&state.guessed())?, &state.lights)?)
+                let fitted = FittedLight::for_viewpoint(&self.scene.document.estimate, at);
+                Ok(fitted.lit(&fitted.apply(&state.guessed())?, &state.lights)?)
             }),
         }
     }
@@ -80,7 +80,7 @@ impl LitSceneCache {
         cached(&self.draft, state, None, || {
             let like = locked(&self.laid).last().cloned();
             let fitted = &self.scene.fitted;
-            let laid = fitted.drafted(&guessed, like.as_deref().unwrap_or(fitted.usual()))?;
+            let laid = fitted.preview(&guessed, like.as_deref().unwrap_or(fitted.default_light()))?;
             Ok(fitted.lit(&laid, &state.lights)?)
         })
     }
@@ -89,17 +89,17 @@ impl LitSceneCache {
         self.scene.estimate().light.lobes.as_ref().map(|_| self.middle(state)).transpose()
     }
 
-    fn fitted_light(&self, guessed: &GuessedLight) -> Option<Arc<LaidLight>> {
-        locked(&self.laid).iter().find(|laid| laid.guessed() == guessed).cloned()
+    fn fitted_light(&self, guessed: &GuessedLight) -> Option<Arc<AppliedLight>> {
+        locked(&self.laid).iter().find(|laid| laid.choice() == guessed).cloned()
     }
 
-    fn laid(&self, guessed: &GuessedLight) -> Result<Arc<LaidLight>, SessionError> {
+    fn laid(&self, guessed: &GuessedLight) -> Result<Arc<AppliedLight>, SessionError> {
         // Concurrent callers share one result.
         let _fitting = locked(&self.fitting);
         if let Some(laid) = self.fitted_light(guessed) {
             return Ok(laid);
         }
-        let new = Arc::new(self.scene.fitted.laid(guessed)?);
+        let new = Arc::new(self.scene.fitted.apply(guessed)?);
         let mut laid = locked(&self.laid);
         if laid.len() >= MAX_CACHED_LIGHTS {
             laid.remove(0);

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use lightoctree::geometry::Vec3;
 use lightoctree::insert::{Ground, ObservedSurfaces};
-use lightoctree::lo_lights::ListedLight;
+use lightoctree::lights::ListedLight;
 use lightoctree::scene::Room;
 use lightoctree::{Document, Estimate, FittedLight};
 use serde::Serialize;
@@ -49,7 +49,7 @@ impl OpenScene {
 
     /// Returns the scene's lights before edits.
     pub fn lights(&self) -> &[ListedLight] {
-        self.fitted.listed()
+        self.fitted.lights()
     }
 
     /// Returns the ground that supports objects.

@@ -1,5 +1,5 @@
 use lightoctree::insert::{Align, Path};
-use lightoctree::lo_lights::{ListedLight, sun_angles_deg};
+use lightoctree::lights::{ListedLight, sun_angles_deg};
 use lightoctree::scene::{AddedLight, LightChange, LightEdits, LightShape};
 use lightoctree::{GuessedLight, LightEffect};
 use serde::Serialize;

@@ -98,7 +98,9 @@ impl Source {
             }
         };
         let scene = OpenScene::new(file, document);
-        notes.extend(scene.fitted.usual().report().fit.warning().iter().map(|warning| (text.warning)(warning, &[])));
+        notes.extend(
+            scene.fitted.default_light().report().fit.warning().iter().map(|warning| (text.warning)(warning, &[])),
+        );
         Ok(Opened { scene, is_saved, notes })
     }
 }

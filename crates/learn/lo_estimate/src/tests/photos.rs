@@ -7,7 +7,9 @@ use lo_scene::PosedFrame;
 use super::*;
 use crate::Exposures;
 
-/// A photo of a corner by a camera at this place: a wall 2 m ahead of the first camera, and one 2 m to its left; `gain` is its exposure.
+/// A photo of a corner from this pose, with linear values scaled by `gain`.
+///
+/// One wall is 2 m ahead of the first camera, another 2 m to its left.
 fn corner(first_from_camera: RigidTransform, gain: f32) -> PosedFrame {
     let planes = [(Vec3::Z, -2.0), (Vec3::X, -2.0), (Vec3::Y, -1.2), (Vec3::NEG_Y, -1.2), (Vec3::NEG_X, -3.0)];
     let hit = |x: usize, y: usize| {
@@ -22,7 +24,7 @@ fn corner(first_from_camera: RigidTransform, gain: f32) -> PosedFrame {
     PosedFrame { frame: Frame::new(photo, depth_m, camera(), 1.0).unwrap(), first_from_camera }
 }
 
-/// Light of the corner's surfaces: three shades by height.
+/// Radiance of the corner's surfaces: three bands by height.
 fn corner_light(point: Vec3) -> [f32; 3] {
     match point.y {
         y if y < -0.4 => [0.1, 0.12, 0.14],
@@ -54,16 +56,16 @@ fn several(
 }
 
 #[test]
-fn one_of_several_photos_is_one_photo() {
+fn one_posed_photo_equals_one_photo() {
     let estimator = estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 9], 0.1)]);
     let mut frame = wall();
-    // Holes and a flying pixel, whose ways are many.
+    // Holes and a flying pixel take separate code paths.
     (20..30).for_each(|x| frame.depth_m[(x, 20)] = 0.0);
     frame.depth_m[(60, 40)] = 1.2;
     for how in [Completion::Network, Completion::Shell, Completion::None] {
         let options = EstimateOptions { completion: Some(how), ..EstimateOptions::default() };
         let one = estimator.estimate(Input::MeasuredDepth(frame.clone()), &options, &mut lo_events::ignore).unwrap();
-        // Wherever its camera stands in some world.
+        // The pose of a single camera has no influence.
         let photo = PosedFrame { frame: frame.clone(), first_from_camera: turned(40.0) };
         assert!(several(vec![photo], how, &estimator).0.unwrap() == one, "{how:?}");
     }
@@ -71,9 +73,9 @@ fn one_of_several_photos_is_one_photo() {
 }
 
 #[test]
-fn what_any_photo_saw_is_in_the_scene_in_one_measure() {
+fn all_photos_contribute_with_matched_exposures() {
     let estimator = estimator(&config(), &[]);
-    // The second is turned by 60° and overlaps a little, the third overlaps the second.
+    // The second is turned by 50° and overlaps both others.
     let gains = [1.0, 0.5, 1.5];
     let photos =
         || [0.0, 50.0, 100.0].into_iter().zip(gains).map(|(yaw, gain)| corner(turned(yaw), gain)).collect::<Vec<_>>();
@@ -82,17 +84,17 @@ fn what_any_photo_saw_is_in_the_scene_in_one_measure() {
         let scene = scene.unwrap();
         assert_eq!(scene.frame, photos()[0].frame);
         for (other, gain) in scene.other_photos.iter().zip(&gains[1..]) {
-            // From the overlap; shades meet in other pixels of both.
+            // 3 %: the bands' edges fall into different pixels of the two photos.
             assert!((other.exposure * gain - 1.0).abs() < 0.03, "{how:?} {other:?}");
         }
-        let told = events.iter().find_map(|event| match event {
+        let figures = events.iter().find_map(|event| match event {
             Event::Figures { stage: Stage::Photos, figures } => {
                 Some(figures.iter().map(|f| f.value).collect::<Vec<f64>>())
             }
             _ => None,
         });
-        let told = told.unwrap();
-        assert!((told[1] + 1.0).abs() < 0.05 && (told[2] - 0.585).abs() < 0.05, "{told:?}");
+        let figures = figures.unwrap();
+        assert!((figures[1] + 1.0).abs() < 0.05 && (figures[2] - 0.585).abs() < 0.05, "{figures:?}");
         assert!(!events.iter().any(|event| matches!(
             event,
             Event::Warning(Warning::AssumedExposures { .. } | Warning::PosesDisagree { .. })
@@ -106,7 +108,7 @@ fn what_any_photo_saw_is_in_the_scene_in_one_measure() {
                 let sample = tracer.trace(&cone);
                 let point = pose.point(frame.point(x, y).unwrap());
                 if [-0.4f32, 0.4].iter().any(|edge| (point.y - edge).abs() < 0.15) {
-                    continue; // shades mix in the leaves there
+                    continue; // leaves at the edges mix two bands
                 }
                 let close = sample.radiance.iter().zip(corner_light(point)).all(|(a, b)| (a / b - 1.0).abs() < 0.08);
                 assert!(close, "{how:?} {x}, {y}: {:?} {point}", sample.radiance);
@@ -122,7 +124,7 @@ fn what_any_photo_saw_is_in_the_scene_in_one_measure() {
 }
 
 #[test]
-fn photos_that_share_nothing_are_matched_by_their_brightness_and_say_so() {
+fn photos_without_overlap_are_matched_by_brightness_with_a_warning() {
     let photos = vec![corner(turned(0.0), 1.0), corner(turned(150.0), 0.25)];
     let (scene, events) = several(photos, Completion::None, &Estimator::without_networks());
     let exposure = scene.unwrap().other_photos[0].exposure;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use lo_completion::light_from_above;
 use lo_dataset::{NovelView, Sample};
-use lo_estimate::plausible;
+use lo_estimate::plausible_light;
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::{RadianceImage, sample_equirectangular};
 use lo_insert::Lighting;
@@ -114,7 +114,7 @@ impl ObjectLighting {
                 match lamps {
                     LampMode::None => {}
                     LampMode::Overhead => add_overhead_lamp(&mut scene),
-                    LampMode::Fitted => (scene, _) = plausible(estimate),
+                    LampMode::Fitted => (scene, _) = plausible_light(estimate),
                 }
                 ObjectLight::Octree(Box::new(SceneRenderer::new(&scene)))
             }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use lo_dataset::{Generator, GeneratorConfig};
-use lo_estimate::{EstimateOptions, Input, sun_of_photo, supported_sun};
+use lo_estimate::{EstimateOptions, Input, sun_from_photo, supported_sun};
 use lo_geometry::{Ray, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, luminance};
 use lo_lights::{Sunlit, sun_from_shadow};
@@ -107,7 +107,7 @@ fn sun_patches_of_generated_rooms() {
             let scene = Arc::new(estimator.estimate(input, &options, &mut lo_events::ignore).unwrap());
             overlaps[way].push(overlap(&truth, &scene, direction));
             print!("; {}: overlap {:.2}", names[way], overlaps[way].last().unwrap());
-            if let Some(found) = sun_of_photo(&scene, direction, 0.27) {
+            if let Some(found) = sun_from_photo(&scene, direction, 0.27) {
                 let ratio = luminance(found.light.radiance) * found.light.extent() / strength;
                 print!(", strength × {ratio:.2}{}", if found.clipped { " at the least" } else { "" });
                 strengths[way].push(f64::from(ratio));
@@ -210,7 +210,7 @@ fn shadows_of_generated_rooms() {
             for (kind, shadows) in [(0, &shadows), (other, &any), (other + 1, &edges)] {
                 for [thing, shadow] in shadows {
                     let accepted = supported_sun(&scene, *thing, *shadow)
-                        .is_ok_and(|sun| sun_of_photo(&scene, sun, 0.27).is_some());
+                        .is_ok_and(|sun| sun_from_photo(&scene, sun, 0.27).is_some());
                     counts[kind][0] += 1;
                     counts[kind][1] += u32::from(accepted);
                 }

@@ -1,4 +1,4 @@
-//! The photo with its depth, at the resolutions that estimation works at.
+//! Photos with depth, prepared at the resolutions of the estimation.
 
 use lo_completion::{up_from_predicted_depth, up_near};
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
@@ -7,80 +7,83 @@ use lo_imaging::{Image, Photo, srgb8_from_linear};
 use lo_nets::{GlobalLight, Networks, PhotoPrediction};
 use lo_scene::{Frame, ObservedPhoto, OtherPhoto, PosedFrame, Surfel, working_photo};
 
-use crate::photos::{Together, together};
+use crate::photos::{AlignedPhotos, align_photos};
 use crate::{EstimateError, Exposures, Input, PredictedDepth};
 
-/// Pixels on the longer side of the normals that vote for which way is up: the weights of the votes are set for normals as coarse as that.
+/// Pixels on the longer side of the normals that vote for up. The votes' weights are tuned for this resolution.
 const VOTING_SIDE: usize = 240;
 
-/// A photo with depth, at full and at working resolution.
-pub(crate) struct View {
+/// The photos of an estimate with their depth, at full and at working resolution.
+pub(crate) struct PreparedInput {
+    /// The first photo at full resolution.
     pub frame: Frame,
+    /// The first photo at working resolution.
     pub working: Frame,
-    /// Other photos of the room, at working resolution, and their cameras at full resolution.
+    /// The other photos at working resolution, with their cameras at full resolution.
     pub others: Vec<(PosedFrame, Camera)>,
-    /// What the photo tells of the light outside of it, where that is known already.
+    /// Global light predicted from the first photo, if the network has run.
     pub global: Option<GlobalLight>,
-    /// How the own network says that the camera was held; known with `global`.
-    held: Option<PerspectiveFit>,
-    /// Whether depth is some network's.
+    /// Camera orientation predicted with `global`, if the network was trained for it.
+    perspective: Option<PerspectiveFit>,
+    /// Whether depth was predicted by a network.
     pub predicted_depth: bool,
-    /// What people call that network, where it is not the own one.
+    /// Display name of that network, if it is not the own one.
     pub model: Option<String>,
-    /// Normals that it told, of any resolution and of the working one.
-    told_normals: Option<Image<Vec3>>,
+    /// Normals predicted by that network, at its resolution.
+    predicted_normals: Option<Image<Vec3>>,
+    /// These normals at working resolution.
     pub normals: Option<Image<Option<Vec3>>>,
 }
 
-impl View {
-    /// Of what an estimate starts from.
+impl PreparedInput {
+    /// Predicts depth if there is none, and reduces photos to working resolution.
     pub fn new(input: Input, networks: Option<&Networks>, on_event: OnEvent<'_>) -> Result<Self, EstimateError> {
         let (PredictedDepth { frame, normals, model }, predicted_depth) = match input {
             Input::Photo { photo, camera } => {
                 let networks = networks.ok_or(EstimateError::NoNetworks("a photo without depth"))?;
-                return predicted(photo, camera, networks, on_event);
+                return with_predicted_depth(photo, camera, networks, on_event);
             }
             Input::MeasuredDepth(frame) => (frame.into(), false),
             Input::PredictedDepth(predicted) => (predicted, true),
-            Input::Photos { photos, exposures } => return several(photos, exposures, on_event),
+            Input::Photos { photos, exposures } => return from_photos(photos, exposures, on_event),
         };
         let working = stage(on_event, Stage::WorkingResolution, || frame.working())?;
         if predicted_depth {
             warn(on_event, Warning::PredictedDepth)?;
         }
-        let of_working = |normals| at_size(normals, working.depth_m.width(), working.depth_m.height());
-        let of_working = normals.as_ref().map(of_working);
+        let at_working = |normals| at_size(normals, working.depth_m.width(), working.depth_m.height());
+        let working_normals = normals.as_ref().map(at_working);
         let others = Vec::new();
         Ok(Self {
             frame,
             working,
             others,
             global: None,
-            held: None,
+            perspective: None,
             predicted_depth,
             model,
-            told_normals: normals,
-            normals: of_working,
+            predicted_normals: normals,
+            normals: working_normals,
         })
     }
 
-    /// All photos at working resolution, each with its camera's place in the first one's axes.
+    /// Returns all photos at working resolution, each with its pose in the first camera's frame.
     pub fn photos(&self) -> Vec<(&Frame, RigidTransform)> {
         let others = self.others.iter().map(|(other, _)| (&other.frame, other.first_from_camera));
         std::iter::once((&self.working, RigidTransform::IDENTITY)).chain(others).collect()
     }
 
-    /// All photos as completion looks at them.
+    /// Returns all photos in the form that completion takes.
     pub fn seen_photos(&self) -> Vec<ObservedPhoto> {
         let mut seen: Vec<ObservedPhoto> =
             self.photos().into_iter().map(|(frame, pose)| ObservedPhoto::new(frame, pose)).collect();
-        if let Some(told) = &self.normals {
-            seen[0].override_normals(told);
+        if let Some(normals) = &self.normals {
+            seen[0].override_normals(normals);
         }
         seen
     }
 
-    /// What a scene keeps of the photos after the first.
+    /// Returns what an estimate stores of the photos after the first.
     pub fn other_photos(&self) -> Vec<OtherPhoto> {
         let kept = |(other, camera): &(PosedFrame, Camera)| OtherPhoto {
             first_from_camera: other.first_from_camera,
@@ -90,57 +93,64 @@ impl View {
         self.others.iter().map(kept).collect()
     }
 
-    /// Unit vector against gravity, and by how many degrees it is likely to be wrong where the own network tells it alone.
+    /// Estimates the unit vector against gravity, with its expected error in degrees if only the own network predicts
+    /// it.
     ///
-    /// Predicted floors are wavy: the network tells it. Measured ones are not, and decide among what is near to that. `None` where there is no network
-    /// that has learned it, and depth is measured.
+    /// Predicted floors are wavy, so the network's prediction is used with predicted depth. With measured depth,
+    /// surfaces near the prediction determine up. Returns `None` for measured depth without a network trained to
+    /// predict up.
     pub fn up(
         &mut self,
         networks: Option<&Networks>,
         on_event: OnEvent<'_>,
     ) -> Result<Option<(Vec3, Option<f64>)>, EstimateError> {
-        // Normals that are told are nearer to what is up than the photo alone.
-        if self.predicted_depth && self.told_normals.is_some() {
+        // Predicted normals determine up more accurately than the photo alone.
+        if self.predicted_depth && self.predicted_normals.is_some() {
             return Ok(Some((self.voted_up(), None)));
         }
         if let Some(networks) = networks.filter(|_| self.global.is_none()) {
             let extent = self.frame.camera.half_extent();
-            let ask = || networks.light_and_camera(&srgb8(&self.working.photo), extent);
-            let (global, held) = stage(on_event, Stage::GlobalLight, ask)?;
-            (self.global, self.held) = (Some(global), held);
+            let predict = || networks.light_and_camera(&srgb8(&self.working.photo), extent);
+            let (global, perspective) = stage(on_event, Stage::GlobalLight, predict)?;
+            (self.global, self.perspective) = (Some(global), perspective);
         }
-        Ok(match self.held {
-            Some(held) if self.predicted_depth => Some((held.camera.up, Some(held.up_deviation_deg))),
-            Some(held) => {
+        Ok(match self.perspective {
+            Some(fit) if self.predicted_depth => Some((fit.camera.up, Some(fit.up_deviation_deg))),
+            Some(fit) => {
                 let seen: Vec<Surfel> = self.seen_photos().iter().flat_map(ObservedPhoto::surfels).collect();
-                Some((up_near(&seen, held.camera.up, held.up_deviation_deg as f32), None))
+                Some((up_near(&seen, fit.camera.up, fit.up_deviation_deg as f32), None))
             }
             None => self.predicted_depth.then(|| (self.voted_up(), None)),
         })
     }
 
-    /// As surfaces and the ways in which cameras are held make it likely.
+    /// Estimates up from predicted depth and normals, and typical camera poses.
     fn voted_up(&self) -> Vec3 {
         let depth_m = &self.frame.depth_m;
-        let told = |width, height| self.told_normals.as_ref().map(|normals| at_size(normals, width, height));
+        let resized = |width, height| self.predicted_normals.as_ref().map(|normals| at_size(normals, width, height));
         let longer = depth_m.width().max(depth_m.height());
         if longer <= VOTING_SIDE {
-            return up_from_predicted_depth(&self.frame, told(depth_m.width(), depth_m.height()).as_ref());
+            return up_from_predicted_depth(&self.frame, resized(depth_m.width(), depth_m.height()).as_ref());
         }
         let side = |pixels: usize| (pixels * VOTING_SIDE).div_ceil(longer).max(1);
         let depth_m = lo_imaging::resize_depth(depth_m, side(depth_m.width()), side(depth_m.height()));
-        let normals = told(depth_m.width(), depth_m.height());
+        let normals = resized(depth_m.width(), depth_m.height());
         up_from_predicted_depth(&Frame { depth_m, ..self.working.clone() }, normals.as_ref())
     }
 }
 
-/// A photo whose depth is the depth network's.
-fn predicted(photo: Photo, camera: Camera, networks: &Networks, on_event: OnEvent<'_>) -> Result<View, EstimateError> {
+/// Prepares a photo with depth predicted by the depth network.
+fn with_predicted_depth(
+    photo: Photo,
+    camera: Camera,
+    networks: &Networks,
+    on_event: OnEvent<'_>,
+) -> Result<PreparedInput, EstimateError> {
     let small = stage(on_event, Stage::WorkingResolution, || working_photo(&photo))?;
-    let PhotoPrediction { depth_m, light: global, perspective: held } =
+    let PhotoPrediction { depth_m, light: global, perspective } =
         stage(on_event, Stage::DepthAndGlobalLight, || networks.predict(&srgb8(&small), &camera))?;
     if !depth_m.pixels().iter().all(|z| z.is_finite()) {
-        return Err(EstimateError::PredictedDepth);
+        return Err(EstimateError::NonFiniteDepth);
     }
     let frame = Frame::new(photo, depth_m, camera, 1.0)?;
     let depth_m = lo_imaging::resize_depth(&frame.depth_m, small.width(), small.height());
@@ -148,10 +158,20 @@ fn predicted(photo: Photo, camera: Camera, networks: &Networks, on_event: OnEven
     let working = Frame { camera, photo: small, depth_m, exposure: 1.0 };
     warn(on_event, Warning::PredictedDepth)?;
     let (others, global, predicted_depth) = (Vec::new(), Some(global), true);
-    Ok(View { frame, working, others, global, held, predicted_depth, model: None, told_normals: None, normals: None })
+    Ok(PreparedInput {
+        frame,
+        working,
+        others,
+        global,
+        perspective,
+        predicted_depth,
+        model: None,
+        predicted_normals: None,
+        normals: None,
+    })
 }
 
-/// Normals at another resolution: those of the nearest pixels.
+/// Resamples normals to another resolution by nearest neighbour; zero becomes `None`.
 fn at_size(normals: &Image<Vec3>, width: usize, height: usize) -> Image<Option<Vec3>> {
     let at = |index: usize, size: usize, of: usize| (2 * index + 1) * of / (2 * size);
     Image::from_fn(width, height, |x, y| {
@@ -160,9 +180,13 @@ fn at_size(normals: &Image<Vec3>, width: usize, height: usize) -> Image<Option<V
     })
 }
 
-/// Photos with measured depth of one room.
-fn several(photos: Vec<PosedFrame>, exposures: Exposures, on_event: OnEvent<'_>) -> Result<View, EstimateError> {
-    let Together { photos, working } = together(photos, exposures, on_event)?;
+/// Prepares several photos of one room with measured depth.
+fn from_photos(
+    photos: Vec<PosedFrame>,
+    exposures: Exposures,
+    on_event: OnEvent<'_>,
+) -> Result<PreparedInput, EstimateError> {
+    let AlignedPhotos { photos, working } = align_photos(photos, exposures, on_event)?;
     let cameras: Vec<Camera> = photos.iter().skip(1).map(|photo| photo.frame.camera).collect();
     let mut working = working.into_iter();
     let (Some(first), Some(first_working)) = (photos.into_iter().next(), working.next()) else {
@@ -170,11 +194,21 @@ fn several(photos: Vec<PosedFrame>, exposures: Exposures, on_event: OnEvent<'_>)
     };
     let others = working.zip(cameras).collect();
     let (frame, working) = (first.frame, first_working.frame);
-    let (global, held, predicted_depth) = (None, None, false);
-    Ok(View { frame, working, others, global, held, predicted_depth, model: None, told_normals: None, normals: None })
+    let (global, perspective, predicted_depth) = (None, None, false);
+    Ok(PreparedInput {
+        frame,
+        working,
+        others,
+        global,
+        perspective,
+        predicted_depth,
+        model: None,
+        predicted_normals: None,
+        normals: None,
+    })
 }
 
-/// As the networks take photos.
+/// Encodes a photo as 8-bit sRGB, the networks' input.
 pub(crate) fn srgb8(photo: &Photo) -> Image<[u8; 3]> {
     match photo {
         Photo::Srgb8(image) => image.clone(),

@@ -6,49 +6,57 @@ use lo_imaging::Image;
 use lo_nets::light::{PhotoView, VisiblePoint};
 use lo_scene::{Frame, ObservedPhoto, Room, Surfel, place_cube};
 
-/// What the light network is told of a frame, or of several, in estimation and in training alike.
+/// The light network's input from one or several frames.
+///
+/// Estimation and training both use it. All positions are in metres in the first camera's frame.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SeenFrame {
+pub struct ObservedFrame {
     /// The camera of the first photo, in pixels of the working resolution.
     pub camera: Camera,
-    /// What is seen where it is seen, one for each depth reading that is none of a flying pixel.
+    /// Observed surface elements, one for each depth reading that is not a flying pixel.
     pub surfels: Vec<Surfel>,
-    /// Gravity and the planes around the surfels.
+    /// Up and the planes that enclose the surfels.
     pub room: Room,
-    /// Part of the world that the octree covers.
+    /// The cube that the octree covers.
     pub cube: Cube,
-    /// The surfels, and what the photo shows where depth has no reading (windows, lamps, what is shiny, black or too far), with whether the photo
-    /// is clipped there. What has no reading lies on the room's planes or continues what is around it. All that is beyond the cube is drawn in to its
-    /// side. Normals are zero where no surface could be fitted.
+    /// The surfels, and the photo's pixels without depth reading, with whether each is clipped.
+    ///
+    /// Windows, lamps, and shiny, black or distant surfaces have no reading. Their depth is that of the room's planes,
+    /// or continues the surrounding depth. Points beyond the cube are moved to its boundary. A normal is zero where no
+    /// surface could be fitted.
     pub points: Vec<VisiblePoint>,
-    /// The cameras; the points are theirs, one after another.
+    /// The cameras, in the order in which `points` is grouped.
     pub views: Vec<PhotoView>,
 }
 
-impl SeenFrame {
-    /// Of a frame at the [working resolution](Frame::working), with the unit vector against gravity and the surfaces' normals where something
-    /// else than depth tells them; `None` where no depth reading is left.
+impl ObservedFrame {
+    /// Prepares a frame at the [working resolution](Frame::working). Returns `None` if no depth reading is left.
+    ///
+    /// `up` is the unit vector against gravity, estimated if `None`. `normals` replace those fitted to depth where they
+    /// are `Some`.
     ///
     /// # Panics
-    /// Where `normals` are not of the depth map's size.
+    /// If `normals` differ in size from the depth map.
     pub fn new(working: &Frame, up: Option<Vec3>, normals: Option<&Image<Option<Vec3>>>) -> Option<Self> {
-        Self::of_photos(&[(working, RigidTransform::IDENTITY)], up, normals)
+        Self::from_photos(&[(working, RigidTransform::IDENTITY)], up, normals)
     }
 
-    /// Of several frames, each with its camera's place in the first one's axes; `None` where no depth reading is left. `normals` are the first
-    /// frame's.
+    /// Prepares several frames, each with its pose in the first camera's frame. Returns `None` if no depth reading is
+    /// left.
+    ///
+    /// `up` and `normals` are as in [`ObservedFrame::new`]; `normals` belong to the first frame.
     ///
     /// # Panics
-    /// Where `normals` are not of the first depth map's size.
-    pub fn of_photos(
+    /// If `normals` differ in size from the first depth map.
+    pub fn from_photos(
         photos: &[(&Frame, RigidTransform)],
         up: Option<Vec3>,
         normals: Option<&Image<Option<Vec3>>>,
     ) -> Option<Self> {
         let mut seen: Vec<ObservedPhoto> =
             photos.iter().map(|(frame, pose)| ObservedPhoto::new(frame, *pose)).collect();
-        if let Some((first, told)) = seen.first_mut().zip(normals) {
-            first.override_normals(told);
+        if let Some((first, normals)) = seen.first_mut().zip(normals) {
+            first.override_normals(normals);
         }
         let surfels: Vec<Surfel> = seen.iter().flat_map(ObservedPhoto::surfels).collect();
         if surfels.is_empty() {
@@ -76,7 +84,7 @@ impl SeenFrame {
     }
 }
 
-/// What a photo shows, in the first photo's axes.
+/// Returns the points that a photo shows, in the first camera's frame.
 fn visible_points(photo: &ObservedPhoto, working: &Frame, enclosure: &Enclosure, cube: Cube) -> Vec<VisiblePoint> {
     let ObservedPhoto { clean, normals, radiance, first_from_camera } = photo;
     let clipped = clean.clipped();
@@ -103,13 +111,13 @@ fn visible_points(photo: &ObservedPhoto, working: &Frame, enclosure: &Enclosure,
     points.collect()
 }
 
-/// Leaves of the finest octree along an edge of the cube in which photos take each other's place.
+/// Leaves along an edge of the cube, in each of which an unclipped photo replaces clipped ones.
 const LEAVES: f32 = 128.0;
 
-/// Leaves out what a photo shows clipped where another shows it unclipped.
+/// Drops a photo's clipped points in leaves that another photo shows unclipped.
 fn drop_clipped(photos: &mut [Vec<VisiblePoint>], cube: Cube) {
     let leaf = |point: &VisiblePoint| (cube.unit_from_world(point.position_m) * LEAVES).floor().as_ivec3().to_array();
-    // The photo that is certain of a leaf; `None` where several are.
+    // The photo with certain points in a leaf; `None` for several photos.
     let mut certain: HashMap<[i32; 3], Option<usize>> = HashMap::new();
     for (photo, points) in photos.iter().enumerate() {
         for point in points.iter().filter(|point| point.certain) {

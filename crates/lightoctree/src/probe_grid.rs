@@ -1,11 +1,13 @@
 use lo_geometry::{Vec3, orthonormal_basis};
 use lo_scene::{Estimate, Side};
 
-/// The centres of `counts` cells that divide the inside of the room, x fastest, then y, then z.
+/// Returns the centres of `counts` equal cells that fill the room, in metres in the world frame.
 ///
-/// The inside is what the room's planes enclose along its own axes; without planes, the box around the occupied leaves.
+/// `counts` is the number of cells along the room's axes x, y (up) and z. Of the returned points, x varies fastest,
+/// then y. The cells fill the box bounded by the room's planes and the occupied leaves. Without planes it is the
+/// axis-aligned box of the occupied leaves.
 pub fn probe_grid(estimate: &Estimate, counts: [usize; 3]) -> Vec<Vec3> {
-    let (axes, low, high) = inside(estimate);
+    let (axes, low, high) = room_bounds(estimate);
     let mut points = Vec::with_capacity(counts.iter().product());
     let at = |axis: usize, i: usize| low[axis] + (high[axis] - low[axis]) * (i as f32 + 0.5) / counts[axis] as f32;
     for k in 0..counts[2] {
@@ -18,8 +20,8 @@ pub fn probe_grid(estimate: &Estimate, counts: [usize; 3]) -> Vec<Vec3> {
     points
 }
 
-/// Axes of the room as columns (y is up), and the lowest and highest coordinate along each.
-fn inside(estimate: &Estimate) -> (lo_geometry::Mat3, Vec3, Vec3) {
+/// Returns the room's axes as columns (y is up), and the lowest and highest coordinates along them.
+fn room_bounds(estimate: &Estimate) -> (lo_geometry::Mat3, Vec3, Vec3) {
     let occupied = occupied_corners(estimate);
     let Some(room) = &estimate.room else {
         let (low, high) = bounds(occupied.into_iter());
@@ -44,7 +46,7 @@ fn inside(estimate: &Estimate) -> (lo_geometry::Mat3, Vec3, Vec3) {
     (axes, low.min(high), high)
 }
 
-/// Lowest and highest corner of every occupied finest leaf, world frame.
+/// Returns the lowest and highest corner of every occupied leaf of the finest level, in the world frame.
 fn occupied_corners(estimate: &Estimate) -> Vec<Vec3> {
     let light = &estimate.light;
     let depth = light.octree.depth();
