@@ -3,12 +3,7 @@
 use lo_mesh::{Material, MeshError, Model};
 
 use crate::ModelError;
-
-/// Names of the models embedded in this library, for [`builtin_model`].
-pub const BUILTIN_MODELS: [&str; 3] = ["sphere", "suzanne", "tea-set"];
-
-/// Prefix of a built-in model's name where a mesh file is expected, as in `builtin:sphere`.
-pub const BUILTIN_PREFIX: &str = "builtin:";
+use crate::builtin_names::BUILTIN_PREFIX;
 
 /// Radius of `sphere` in metres.
 const RADIUS_M: f32 = 0.1;
@@ -49,7 +44,7 @@ mod tests {
 
     #[test]
     fn every_listed_model_loads() {
-        let triangles = BUILTIN_MODELS.map(|name| builtin_model(name).unwrap().unwrap().triangles.len());
+        let triangles = crate::BUILTIN_MODELS.map(|name| builtin_model(name).unwrap().unwrap().triangles.len());
         // models/README.md states the counts of the two files; an icosphere split five times has 20 · 4⁵ triangles.
         assert_eq!(triangles, [20_480, 15_744, 40_296]);
         assert!(builtin_model("teapot").is_none());

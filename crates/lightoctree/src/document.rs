@@ -14,7 +14,8 @@ use lo_scene::{
     SceneObjects,
 };
 
-use crate::builtin::{BUILTIN_PREFIX, builtin_mesh};
+use crate::builtin::builtin_mesh;
+use crate::builtin_names::BUILTIN_PREFIX;
 use crate::{ModelError, Models};
 
 /// An estimate with the user's light edits and inserted objects, as stored in a `.scene` file.

@@ -75,13 +75,15 @@
 //! [`Networks`], [`CheckpointError`] and [`LightError`] of it are public API.
 
 mod builtin;
+mod builtin_names;
 mod document;
 mod model_error;
 mod models;
 mod probe_grid;
 mod probes;
 
-pub use builtin::{BUILTIN_MODELS, BUILTIN_PREFIX, builtin_model};
+pub use builtin::builtin_model;
+pub use builtin_names::{BUILTIN_MODELS, BUILTIN_PREFIX};
 pub use document::{Document, DocumentError, LightPurpose};
 pub use lo_completion as completion;
 pub use lo_completion::{PanoramaError, PanoramaPrior};

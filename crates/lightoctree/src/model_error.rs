@@ -1,7 +1,7 @@
 use lo_insert::InsertError;
 use lo_mesh::MeshError;
 
-use crate::{BUILTIN_MODELS, BUILTIN_PREFIX};
+use crate::builtin_names::{BUILTIN_MODELS, BUILTIN_PREFIX};
 
 /// An error in the objects of a layout or document, or in their meshes.
 #[derive(Debug, thiserror::Error)]

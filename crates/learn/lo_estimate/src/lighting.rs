@@ -3,11 +3,11 @@ use std::sync::Arc;
 
 use lo_completion::{ExpectedLightOptions, ExpectedLightReport, InitialLamps, LampFit, ObservedShading};
 use lo_geometry::Vec3;
-use lo_insert::InsertError;
-use lo_lights::{Emitter, LightsError, emitters, remove_emitters};
+use lo_lights::{Emitter, emitters, remove_emitters};
 use lo_octree::LightOctree;
 use lo_scene::{Estimate, ExpectedLight, GuessedLight, LightEffect, LightMode, LitScene};
 
+use crate::LightingError;
 use crate::white::white_tint;
 
 /// How a choice of light changed an estimate's inferred light.
@@ -19,21 +19,6 @@ pub struct LightReport {
     pub expected: ExpectedLightReport,
     /// Factors on lamps and surfaces, fitted to the photo's shading.
     pub fit: LampFit,
-}
-
-/// An error that prevents an estimate from being lit as requested.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LightingError {
-    /// An edit refers to an emitter that does not exist.
-    #[error(transparent)]
-    Edit(#[from] LightsError),
-    /// The white pixel shows no surface.
-    #[error("the white pixel: {0}")]
-    White(#[source] InsertError),
-    /// The white pixel is clipped or black, so it has no colour: which of the two, then column and row.
-    #[error("the white pixel ({1}, {2}) is {0}: choose a pixel of another brightness")]
-    WhiteWithoutColour(&'static str, f64, f64),
 }
 
 /// Reason why light chosen without a white pixel cannot fail.

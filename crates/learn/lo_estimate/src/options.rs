@@ -7,7 +7,7 @@ pub const DEFAULT_OCTREE_DEPTH: u32 = 7;
 
 /// Options of [`Estimator::estimate`](crate::Estimator::estimate). The defaults are the command line's.
 ///
-/// ```
+/// ```text
 /// let options = EstimateOptions { completion: Some(Completion::Shell), ..EstimateOptions::default() };
 /// ```
 #[derive(Clone, Debug, PartialEq)]

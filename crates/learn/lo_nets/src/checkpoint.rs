@@ -51,7 +51,7 @@ pub enum CheckpointError {
     Content {
         /// Path of the file.
         path: String,
-        /// What is wrong.
+        /// The problem.
         reason: String,
     },
     /// The weights do not match the network.

@@ -43,7 +43,7 @@ impl Sources {
             Ok(Arc::new(Oversampled::new(Frames::open(list)?, *repeats as usize)) as Arc<dyn Dataset>)
         });
         let frames: Vec<_> = frames.collect::<Result<_, TrainError>>()?;
-        // `ConcatDataset` has no blocks, but the photos of a generated room are rendered as one block: join only if needed.
+        // `ConcatDataset` has no blocks, but the photos of a generated room are one block: join only if needed.
         let all = if panoramas.is_empty() && frames.is_empty() {
             rooms.clone()
         } else {

@@ -18,7 +18,8 @@ const MIN_CHANNEL: f32 = 0.02;
 /// Returns the correlated colour temperature in kelvin of linear Rec. 709 light; `None` if it is far from any black
 /// body's colour.
 ///
-/// C. S. McCamy, "Correlated color temperature as an explicit function of chromaticity coordinates", Color Research & Application 17 (1992).
+/// C. S. McCamy, "Correlated color temperature as an explicit function of chromaticity coordinates", Color Research &
+/// Application 17 (1992).
 pub fn color_temperature_k(rgb: [f32; 3]) -> Option<f32> {
     let xy = xy_from_rgb(rgb)?;
     let n = (xy.x - 0.3320) / (0.1858 - xy.y);

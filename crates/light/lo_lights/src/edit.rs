@@ -37,7 +37,7 @@ pub enum LightsError {
     },
 }
 
-/// Applies a scene's edits: [`LitScene::light`] becomes the edited light, and [`LitScene::edited`] stores the difference.
+/// Applies a scene's edits: [`LitScene::light`] becomes the edited light, and [`LitScene::edited`] the difference.
 ///
 /// `found` are the [`emitters`](crate::emitters) of the scene, computed from this light or from one with other
 /// radiances in the same nodes. A scene without light edits stays bit-identical.

@@ -103,7 +103,7 @@ impl LightOctree {
     /// 0 to 255.
     ///
     /// # Errors
-    /// Depths out of range, a cube without volume, lists of different lengths, keys out of order, features out of range.
+    /// Depths out of range, a cube without volume, lists of different lengths, keys out of order, invalid features.
     pub fn from_leaves(
         keys: Vec<u32>,
         rgba: Vec<[f32; 4]>,

@@ -49,7 +49,7 @@ pub enum DatasetError {
     Layout {
         /// Path of the folder.
         folder: PathBuf,
-        /// What is missing or unknown.
+        /// The missing or unknown part.
         reason: String,
     },
     /// A folder of shards was created with other settings.

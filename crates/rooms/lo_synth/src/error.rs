@@ -8,7 +8,7 @@ pub enum SynthError {
     Config {
         /// Name of the field.
         field: String,
-        /// What is wrong with its value.
+        /// The problem with its value.
         what: String,
     },
     /// The folder of outdoor panoramas cannot be listed.

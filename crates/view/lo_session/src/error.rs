@@ -34,7 +34,7 @@ pub enum SessionError {
     /// A limit of the session is reached.
     #[error("the session has {limit} {what} already, which is the limit")]
     TooMany {
-        /// What is limited, in plural.
+        /// Plural of the limited things.
         what: &'static str,
         /// The limit.
         limit: usize,

@@ -16,6 +16,7 @@ mod command_line;
 mod draft_patch;
 mod drag;
 mod error;
+mod key_times;
 mod keyframes;
 mod light;
 mod lit;

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use lightoctree::insert::{Align, Ground, InsertError, Layout, LayoutObject, Path, PathSource, Placement};
 use serde::{Deserialize, Serialize};
 
-use crate::keyframes::{key_at, position_of};
+use crate::key_times::{key_at, position_of};
 use crate::{Mesh, ObjectMaterial, SessionError};
 
 /// Longest name of an object.
@@ -46,7 +46,7 @@ pub struct Object {
     pub yaw_deg: f64,
     /// Keyframes, if the object is animated.
     pub path: Option<Path>,
-    /// What the up axis is aligned with.
+    /// Direction that the up axis is aligned with.
     pub align: Align,
     /// Material that replaces the mesh's own.
     pub material: Option<ObjectMaterial>,

@@ -2,7 +2,7 @@ use lightoctree::GuessedLight;
 use lightoctree::insert::{Ground, InsertError, Layout};
 use lightoctree::scene::{LightEdits, ObjectDisplay};
 
-use crate::keyframes::quantized_time_s;
+use crate::key_times::quantized_time_s;
 use crate::{Object, SessionError};
 
 /// The edited state of a session: everything that determines the rendered image.

@@ -63,7 +63,7 @@ pub struct ObjectView {
     pub yaw_deg: f64,
     /// Keyframes, if the object is animated.
     pub path: Option<Path>,
-    /// What the up axis is aligned with.
+    /// Direction that the up axis is aligned with.
     pub align: Align,
     /// Material that replaces the mesh's own.
     pub material: Option<ObjectMaterial>,
@@ -85,7 +85,7 @@ pub struct GuessedLightView {
     /// The light and its tuning.
     #[serde(flatten)]
     pub chosen: GuessedLight,
-    /// What other choices would affect.
+    /// Effect of other choices.
     pub effect: LightEffect,
 }
 

@@ -9,6 +9,7 @@
 
 mod app;
 mod download;
+mod event_text;
 mod failure;
 mod guard;
 mod opening;
@@ -25,25 +26,14 @@ mod session_actor;
 mod upload;
 mod worker;
 
-use std::borrow::Cow;
 use std::net::{IpAddr, Ipv4Addr};
 
-use lightoctree::{Stage, Warning};
-
+pub use event_text::EventText;
 #[cfg(feature = "depth-models")]
 pub use opening::ReadDepthModel;
 pub use opening::{MakeEstimator, NamedFile, PhotoSource, Source};
 pub use origin::PublicOrigin;
 pub use server::run;
-
-/// Formats the library's stages and warnings.
-#[derive(Clone, Copy)]
-pub struct EventText {
-    /// Returns the label of a stage.
-    pub stage: fn(&Stage) -> Cow<'static, str>,
-    /// Returns a warning as a sentence, given the names of the objects.
-    pub warning: fn(&Warning, &[String]) -> String,
-}
 
 /// Options of the server.
 pub struct Options {

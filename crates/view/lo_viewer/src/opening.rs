@@ -12,7 +12,7 @@ use lightoctree::{
 };
 use lo_session::OpenScene;
 
-use crate::EventText;
+use crate::event_text::EventText;
 
 /// File name of a scene that is not saved yet.
 const NEW_SCENE: &str = "room.scene";

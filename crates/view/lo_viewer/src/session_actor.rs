@@ -11,7 +11,7 @@ use lightoctree::mesh::{Material, Model};
 use lightoctree::{Event, OnEvent};
 use lo_session::{Files, OpenScene, Session, SessionError, overlay};
 
-use crate::EventText;
+use crate::event_text::EventText;
 use crate::failure::{Failure, guarded, stage_of};
 use crate::opening::{Opened, Source};
 use crate::outbox::{Outbox, Pages, send};

@@ -12,7 +12,7 @@ use lo_session::{
     ImagePatch, LitSceneCache, OpenScene, Probe, RenderStep, Renderer, SessionError, State, outputs, probe_position,
 };
 
-use crate::EventText;
+use crate::event_text::EventText;
 use crate::failure::{Failure, guarded, stage_of};
 use crate::outbox::Pages;
 use crate::outside::OutsideQueue;

@@ -13,7 +13,7 @@ const ASCII: &str = "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex
     element face 1\nproperty list uchar int vertex_indices\nproperty uchar flag\nend_header\n\
     0 0 0 255 0 0 0 0\n1 0 0 0 128 0 1 0\n1 1 0 0 0 255 1 1\n0 1 0 255 255 255 0 1\n4 0 1 2 3 9\n";
 
-/// The same square with normals in either byte order, `list ushort short` indices and an unknown element between.
+/// A square with normals in either byte order, `list ushort short` indices and an unknown element between.
 fn binary(big: bool) -> Vec<u8> {
     let order = if big { "binary_big_endian" } else { "binary_little_endian" };
     let mut bytes = format!(

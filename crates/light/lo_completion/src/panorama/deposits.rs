@@ -19,7 +19,7 @@ const CLEARANCE_M: f32 = 0.15;
 const BACKING: f32 = 2.0;
 const BACKING_WEIGHT: f32 = 0.02;
 
-/// The same distance for lamps on leaves that were half open. It is one leaf, since otherwise inferred surfaces over a
+/// That distance for lamps on leaves that were half open. It is one leaf, since otherwise inferred surfaces over a
 /// wide range of depths would emit light.
 const LAMP_BACKING: f32 = 1.05;
 

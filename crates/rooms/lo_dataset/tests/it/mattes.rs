@@ -61,7 +61,7 @@ fn occlusion(sample: &Sample, depth_m: DepthMap, z_m: f32) -> Image<f32> {
 struct Edges {
     /// For each point of the true edge, the distance to the nearest one of the estimate, in pixels.
     all_px: Vec<f32>,
-    /// The same for edges that the sensor resolves: the surfaces on both sides are at least as wide as one of its
+    /// Errors at edges that the sensor resolves: the surfaces on both sides are at least as wide as one of its
     /// pixels.
     resolved_px: Vec<f32>,
 }

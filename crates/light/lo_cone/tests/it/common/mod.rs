@@ -59,7 +59,7 @@ impl<'a> Reference<'a> {
         sample
     }
 
-    /// Adds the gradient of Σ d_sample · sample to `gradient`: each derivative by the chain rule over all samples, O(n²).
+    /// Adds the gradient of Σ d_sample · sample to `gradient`: derivatives by the chain rule over all samples, O(n²).
     pub fn add_gradient(&self, cone: &Cone, d_sample: &SampleGradient, gradient: &mut [Vec<[f64; 4]>]) {
         let (reads, far, transmittance, _) = self.march(cone);
         let d_radiance = d_sample.radiance.map(f64::from);
