@@ -5,10 +5,10 @@ use lo_completion::{ExpectedLightOptions, ExpectedLightReport, InitialLamps, Lam
 use lo_geometry::Vec3;
 use lo_lights::{Emitter, emitters, remove_emitters};
 use lo_octree::LightOctree;
-use lo_scene::{Estimate, ExpectedLight, GuessedLight, LightEffect, LightMode, LitScene};
+use lo_scene::{Estimate, GuessedLight, LightEffect, LightMode, LitScene};
 
 use crate::LightingError;
-use crate::white::white_tint;
+use crate::white::{expected_light, unit_luminance, white_tint};
 
 /// How a choice of light changed an estimate's inferred light.
 ///
@@ -79,11 +79,6 @@ pub(crate) fn observed_shading(estimate: &Estimate) -> ObservedShading {
     ObservedShading::new(estimate.surface().clone(), estimate.up())
 }
 
-/// Returns expected light, if the estimate has it and it has an effect.
-pub(crate) fn expected_light(estimate: &Estimate) -> Option<&ExpectedLight> {
-    estimate.expected.as_ref().filter(|_| LightEffect::of(estimate) == LightEffect::Expected)
-}
-
 /// Returns the octree in a light that [differs from even light](differs_from_even). `white` is from [`white_tint`].
 pub(crate) fn apply_choice(
     estimate: &Estimate,
@@ -113,10 +108,4 @@ pub(crate) fn apply_choice(
 /// Returns gains of red, green and blue that keep the luminance of white.
 fn warmth_tint(warmth_ev: f32) -> [f32; 3] {
     unit_luminance([0.5 * warmth_ev, 0.0, -0.5 * warmth_ev].map(f32::exp2))
-}
-
-/// Scales a colour to luminance 1.
-pub(crate) fn unit_luminance(colour: [f32; 3]) -> [f32; 3] {
-    let luminance = lo_imaging::luminance(colour).max(1e-6);
-    colour.map(|c| c / luminance)
 }

@@ -1,10 +1,9 @@
 use lo_completion::{ExpectedLightOptions, ObservedShading};
 use lo_geometry::Vec3;
 use lo_imaging::Photo;
-use lo_scene::{Estimate, ExpectedLight};
+use lo_scene::{Estimate, ExpectedLight, LightEffect};
 
 use crate::LightingError;
-use crate::lighting::{expected_light, unit_luminance};
 
 /// Checks that a pixel of the photo can serve as white, for [`LightTuning::white`](lo_scene::LightTuning::white).
 ///
@@ -83,4 +82,15 @@ fn colour_around(photo: &Photo, [u, v]: [f64; 2]) -> Result<[f32; 3], LightingEr
         _ if mean.iter().any(|&c| c < 0.005) => Err(LightingError::WhiteWithoutColour("black", u, v)),
         mean => Ok(mean),
     }
+}
+
+/// Returns expected light, if the estimate has it and it has an effect.
+pub(crate) fn expected_light(estimate: &Estimate) -> Option<&ExpectedLight> {
+    estimate.expected.as_ref().filter(|_| LightEffect::of(estimate) == LightEffect::Expected)
+}
+
+/// Scales a colour to luminance 1.
+pub(crate) fn unit_luminance(colour: [f32; 3]) -> [f32; 3] {
+    let luminance = lo_imaging::luminance(colour).max(1e-6);
+    colour.map(|c| c / luminance)
 }

@@ -50,7 +50,7 @@ fn children_neighbours(level: &Level, neighbours: &[Neighbours]) -> Vec<Neighbou
 
 /// Computes the neighbours of a node's eight children, from the first child (or −1) of each of the node's neighbours.
 fn family_neighbours(first_children: &Neighbours) -> [Neighbours; 8] {
-    // Along each axis the family and its surroundings are four nodes: the far child of the lower neighbour, two children,
+    // Along each axis the family and its surroundings are four nodes: far child of the lower neighbour, two children,
     // the near child of the upper neighbour.
     const NEIGHBOUR: [usize; 4] = [0, 1, 1, 2];
     const CHILD: [i32; 4] = [1, 0, 1, 0];

@@ -87,7 +87,7 @@ impl Record {
     /// Converts a record with one photo into that photo's sample, without copying images. Points, views and directions
     /// are transformed to the photo's frame and units.
     ///
-    /// Points that the photo's depth map shows become [`Provenance::Observed`]. Without a depth map they stay as they are.
+    /// Points that the photo's depth map shows become [`Provenance::Observed`]. Without a depth map they are unchanged.
     ///
     /// # Panics
     /// If the record does not have exactly one photo, or the photo names a view twice or one that the record does not

@@ -3,7 +3,8 @@
 use lightoctree::insert::{Keyframe, Path};
 use lightoctree::scene::MAX_TIME_S;
 
-use crate::{ObjectPosition, SessionError};
+use crate::SessionError;
+use crate::object_position::ObjectPosition;
 
 /// Resolution of times: nearer times are equal.
 const STEPS_PER_S: f64 = 1e4;

@@ -4,20 +4,11 @@ use lightoctree::insert::{Align, Ground, InsertError, Layout, LayoutObject, Path
 use serde::{Deserialize, Serialize};
 
 use crate::key_times::{key_at, position_of};
+use crate::object_position::ObjectPosition;
 use crate::{Mesh, ObjectMaterial, SessionError};
 
 /// Longest name of an object.
 const MAX_NAME: usize = 100;
-
-/// Position of an object, as on the command line of `insert`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ObjectPosition {
-    /// Photo position on a surface; pixel centres are at +0.5.
-    Pixel([f64; 2]),
-    /// World position of the middle of the base, metres.
-    Position([f64; 3]),
-}
 
 /// Size of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,16 +54,6 @@ impl PartialEq for Object {
                 == (&other.id, &other.name, &other.position, &other.size, &other.yaw_deg)
             && (path, align) == (&other.path, &other.align)
             && (material, placement) == (&other.material, &other.placement)
-    }
-}
-
-impl ObjectPosition {
-    /// Rounds to 0.01 pixels, or to 0.1 mm in single precision, so that the command line is short and reads back equal.
-    pub(crate) fn rounded(self) -> Self {
-        match self {
-            Self::Pixel(pixel) => Self::Pixel(pixel.map(|x| (x * 100.0).round() / 100.0)),
-            Self::Position(position) => Self::Position(position.map(|x| f64::from(((x * 1e4).round() / 1e4) as f32))),
-        }
     }
 }
 

@@ -2,7 +2,7 @@ use crate::{Image, RadianceImage};
 
 /// Fills pixels without data (`observed` is 0) smoothly from their surroundings, across the seam (push–pull).
 ///
-/// Averages observed pixels over increasingly coarse levels, then interpolates back. Works on ln(1 + radiance) so that a
+/// Averages observed pixels over ever coarser levels, then interpolates back. Works on ln(1 + radiance) so that a
 /// lamp beside a hole does not light all of it. Without any observed pixel the map becomes black.
 pub(super) fn fill_unobserved(map: &mut RadianceImage, observed: &Image<f32>) {
     if observed.pixels().iter().all(|&k| k > 0.0) {
