@@ -75,7 +75,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         let lit = lit_for(&document, &base, &mut stages)?;
         let inserter = Inserter::new(&lit, Lighting::Octree, Quality::Draft)?;
         let composite = stages.stage("insert, gold", || {
-            inserter.render(&[Instance::new(&gold, base.scaled(scale(&gold)))], &mut |_| interrupt::go_on())
+            inserter.render(&[Instance::new(&gold, base.scaled(scale(&gold)))], &mut |_| interrupt::control_flow())
         })?;
         imaging::write_photo(file("alone_object.png"), &composite.image, &output::signature(COMMAND))?;
         files.push(file("alone_object.png"));
@@ -151,7 +151,7 @@ pub fn estimate(stages: &mut Stages, input: Input, estimator: &Estimator) -> any
     let mut sources = vec!["library_color.jpg".into()];
     sources.extend(matches!(input, Input::MeasuredDepth(_)).then(|| "library_lidar_depth.png".into()));
     let options = EstimateOptions { sources, ..EstimateOptions::default() };
-    Ok(estimator.estimate(input, &options, &mut |event| stages.hear(event))?)
+    Ok(estimator.estimate(input, &options, &mut |event| stages.handle(event))?)
 }
 
 /// The object that the program carries, of a preset material.
@@ -177,7 +177,7 @@ fn insert_objects(
     for material in ["gold", "chrome", "matte-white"] {
         let object = model(material)?;
         let composite = stages.stage(&format!("insert, {material}"), || {
-            inserter.render(&[Instance::new(&object, place)], &mut |_| interrupt::go_on())
+            inserter.render(&[Instance::new(&object, place)], &mut |_| interrupt::control_flow())
         })?;
         let file = out.join(format!("object_{}.png", material.replace('-', "_")));
         imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
@@ -191,10 +191,10 @@ fn insert_objects(
     std::fs::create_dir_all(&folder)?;
     let progress = bar(global.quiet, FRAMES, "moving object");
     for (i, placement) in placements.iter().enumerate() {
-        if interrupt::asked() {
+        if interrupt::requested() {
             anyhow::bail!("stopped after {i} of {FRAMES} frames; what is written in {} is whole", out.display());
         }
-        let composite = draft.render(&[Instance::new(&gold, *placement)], &mut |_| interrupt::go_on())?;
+        let composite = draft.render(&[Instance::new(&gold, *placement)], &mut |_| interrupt::control_flow())?;
         let file = folder.join(format!("frame_{i:02}.jpg"));
         imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
         files.push(file);

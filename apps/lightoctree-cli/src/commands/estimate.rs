@@ -151,7 +151,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             several.input
         }
     };
-    let scene = estimator.estimate(input, &options, &mut |event| stages.hear(event)).map_err(|error| match error {
+    let scene = estimator.estimate(input, &options, &mut |event| stages.handle(event)).map_err(|error| match error {
         EstimateError::OctreeDepth { .. } => {
             Usage(format!("--octree-depth: {error}; leave it out, or choose another --completion")).into()
         }
@@ -198,7 +198,7 @@ fn photo(
         Depth::Model(model) => DepthSource::Model(model),
     };
     let request = PhotoRequest { photo, camera: stated.map(|(camera, _)| camera), depth };
-    let resolved = estimator.resolve(request, &mut |event| stages.hear(event)).map_err(|error| match error {
+    let resolved = estimator.resolve(request, &mut |event| stages.handle(event)).map_err(|error| match error {
         EstimateError::Frame(error) => anyhow::Error::from(error).context(format!("{files} cannot be used together")),
         error => error.into(),
     })?;

@@ -187,7 +187,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
                     if let Event::Warning(warning) = event {
                         warnings.push(warning);
                     }
-                    interrupt::go_on()
+                    interrupt::control_flow()
                 };
                 match inserter.render(&instances(0), hear) {
                     Err(InsertError::Cancelled(_)) => Ok(None),
@@ -208,13 +208,13 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         let first = frames == 0;
         let hear = &mut |event| match event {
             _ if args.time_limit.is_some_and(|limit| stages.total().as_secs_f64() > limit) => ControlFlow::Break(()),
-            _ if files.len() == 1 => stages.hear(event),
+            _ if files.len() == 1 => stages.handle(event),
             Event::Warning(warning @ Warning::ObjectsIntersect { objects }) if !met.contains(&objects) => {
                 met.push(objects);
-                stages.hear(Event::Warning(warning))
+                stages.handle(Event::Warning(warning))
             }
-            Event::Warning(warning) if first => stages.hear(Event::Warning(warning)),
-            _ => interrupt::go_on(),
+            Event::Warning(warning) if first => stages.handle(Event::Warning(warning)),
+            _ => interrupt::control_flow(),
         };
         let composite = match inserter.render(&instances(frames), hear) {
             Err(InsertError::Cancelled(_)) => {

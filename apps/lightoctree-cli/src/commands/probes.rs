@@ -115,7 +115,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         Ok(())
     };
     let rendered =
-        lightoctree::render_probes(&scene, &points, level.height(height), keep, &mut |event| stages.hear(event));
+        lightoctree::render_probes(&scene, &points, level.height(height), keep, &mut |event| stages.handle(event));
     rendered.or_else(|error| if error.is::<Cancelled>() { Ok(()) } else { Err(error) })?;
     let manifest = json!({
         "size": args.panorama.size,

@@ -96,7 +96,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             eprintln!("  note: no browser could be opened: {error}");
         }
     };
-    Ok(lo_viewer::run(options, ready, interrupt::asked)?)
+    Ok(lo_viewer::run(options, ready, interrupt::requested)?)
 }
 
 /// What is opened first: scenes are known by their content.
