@@ -78,7 +78,8 @@ pub fn prepare_folder(path: &Path, manifest: &str, command: &str, force: bool) -
 fn check_parent(path: &Path) -> anyhow::Result<()> {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() && !parent.is_dir() => {
-            Err(Usage(format!("cannot write {}: the folder {} does not exist", path.display(), parent.display())).into())
+            Err(Usage(format!("cannot write {}: the folder {} does not exist", path.display(), parent.display()))
+                .into())
         }
         _ => Ok(()),
     }

@@ -27,6 +27,11 @@ impl Stages {
         Self { quiet, start: Instant::now(), done: Vec::new(), bar: None, objects: Vec::new() }
     }
 
+    /// Whether progress and notes are suppressed.
+    pub fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+
     /// Sets the names of the inserted objects; warnings use them if there are several.
     pub fn name_objects(&mut self, names: &[String]) {
         self.objects = names.to_vec();
@@ -141,9 +146,11 @@ pub fn warning_text(warning: &Warning, objects: &[String]) -> String {
         _ => "the object".into(),
     };
     match warning {
-        Warning::PredictedDepth => "depth is predicted from the photo alone: distances and sizes are uncertain, and the \
+        Warning::PredictedDepth => {
+            "depth is predicted from the photo alone: distances and sizes are uncertain, and the \
                                     up direction may be off by some degrees"
-            .into(),
+                .into()
+        }
         Warning::FittedDepth { scale, offset, agree, median_error } => format!(
             "the depth model returns relative depth; it was fitted to the metric depth of the built-in network by \
              1/z = {scale:.4} d {offset:+.4}: {:.0} % of the pixels agree within a ratio of 1.25, the median difference \
@@ -242,9 +249,11 @@ pub fn warning_text(warning: &Warning, objects: &[String]) -> String {
              it shows this room and was taken at --panorama-at. It is used with a yaw of {yaw_deg:.0}°; \
              --panorama-yaw-deg sets another"
         ),
-        Warning::PanoramaNotCompared => "the panorama's position sees too little of what the photo shows, so its yaw is \
+        Warning::PanoramaNotCompared => {
+            "the panorama's position sees too little of what the photo shows, so its yaw is \
                                          uncertain: set --panorama-yaw-deg and --panorama-exposure-ev if you know them"
-            .into(),
+                .into()
+        }
         Warning::NothingOccupied { depth } => {
             format!("no node of depth {depth} was predicted to be occupied; the most probable one is used")
         }
@@ -297,7 +306,10 @@ mod tests {
         let filled = text(Warning::FilledDepth { filled: 1, pixels: 5 });
         assert!(filled.starts_with("20 % of the pixels have no depth reading"), "{filled}");
         let clipped = text(Warning::Highlights { clipped_share: 0.012, regions: 3, peak_radiance: 4.56 });
-        assert_eq!(clipped, "1.2 % of the photo is clipped; 3 bright regions were reconstructed, up to 4.6 times white");
+        assert_eq!(
+            clipped,
+            "1.2 % of the photo is clipped; 3 bright regions were reconstructed, up to 4.6 times white"
+        );
         let planes = text(Warning::AssumedPlanes { floor: false, ceiling: true, walls: 2 });
         assert_eq!(planes, "not observed, so their positions are assumed: the ceiling, 2 of 4 walls");
         let names = ["table", "vase"].map(str::to_owned);

@@ -46,9 +46,11 @@ impl DepthModelArgs {
         };
         let config = config.map(read).transpose()?;
         DepthModel::read(path, config.as_ref()).map_err(|error| match error {
-            ModelError::Unknown { .. } => {
-                Usage(format!("--depth-model {}: {error}\nand give it as --depth-model-config FILE.toml", path.display())).into()
-            }
+            ModelError::Unknown { .. } => Usage(format!(
+                "--depth-model {}: {error}\nand give it as --depth-model-config FILE.toml",
+                path.display()
+            ))
+            .into(),
             error @ ModelError::Read { .. } => anyhow::Error::from(error),
             error => anyhow::Error::from(error).context(format!("--depth-model {}", path.display())),
         })

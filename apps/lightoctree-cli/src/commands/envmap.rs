@@ -129,7 +129,13 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 }
 
 /// Writes `shown` as the environment map. Distances, coefficients and the main light are those of `panorama`.
-fn write(args: &Args, at: Vec3, frame: &OutputFrame, panorama: &Rendering, shown: &RadianceImage) -> anyhow::Result<()> {
+fn write(
+    args: &Args,
+    at: Vec3,
+    frame: &OutputFrame,
+    panorama: &Rendering,
+    shown: &RadianceImage,
+) -> anyhow::Result<()> {
     if args.cubemap {
         let turned = imaging::reorient(shown, Orientation::Lightoctree, args.panorama.file.orientation);
         let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
@@ -145,7 +151,11 @@ fn write(args: &Args, at: Vec3, frame: &OutputFrame, panorama: &Rendering, shown
     let position_m = frame.point(at).to_array();
     if let Some(path) = &args.sh9 {
         let sh = imaging::Sh9::project(&panorama.radiance);
-        environment::write_json(path, COMMAND, json!({ "position_m": position_m, "camera": frame.camera(), "sh9": sh }))?;
+        environment::write_json(
+            path,
+            COMMAND,
+            json!({ "position_m": position_m, "camera": frame.camera(), "sh9": sh }),
+        )?;
     }
     if let Some(path) = &args.main_light {
         let orientation = args.panorama.file.orientation;

@@ -156,13 +156,16 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             photos.input
         }
     };
-    let scene = estimator.estimate(input, &options, &mut |event| stages.handle(event)).map_err(|error| match error {
-        EstimateError::OctreeDepth { .. } => {
-            Usage(format!("--octree-depth: {error}; omit it or choose another --completion")).into()
-        }
-        EstimateError::PanoramaWithoutRoom => Usage(format!("--panorama: {error}; choose another --completion")).into(),
-        error => anyhow::Error::from(error),
-    })?;
+    let scene =
+        estimator.estimate(input, &options, &mut |event| stages.handle(event)).map_err(|error| match error {
+            EstimateError::OctreeDepth { .. } => {
+                Usage(format!("--octree-depth: {error}; omit it or choose another --completion")).into()
+            }
+            EstimateError::PanoramaWithoutRoom => {
+                Usage(format!("--panorama: {error}; choose another --completion")).into()
+            }
+            error => anyhow::Error::from(error),
+        })?;
     if let Some(panorama) = &scene.panorama {
         stages.note(&panorama_prior::description(&panorama.source));
     }
@@ -207,8 +210,7 @@ fn photo(
         EstimateError::Frame(error) => anyhow::Error::from(error).context(format!("{files} cannot be used together")),
         error => error.into(),
     })?;
-    let source =
-        given.map(|(_, option)| option.to_owned()).or(resolved.camera_source.map(|source| source.to_string()));
+    let source = given.map(|(_, option)| option.to_owned()).or(resolved.camera_source.map(|source| source.to_string()));
     note_camera(&resolved.camera, &source.unwrap_or_default(), stages);
     Ok(resolved)
 }

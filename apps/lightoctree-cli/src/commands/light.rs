@@ -90,7 +90,10 @@ impl LightArgs {
             return Err(Usage("--contrast applies to plausible light only; add --light plausible".into()).into());
         }
         if (self.warmth.is_some() || self.white.is_some()) && mode == LightMode::Even {
-            return Err(Usage("--warmth and --white do not apply to even light; use --light expected or plausible".into()).into());
+            return Err(Usage(
+                "--warmth and --white do not apply to even light; use --light expected or plausible".into(),
+            )
+            .into());
         }
         let untuned = LightTuning::default();
         let tuning = LightTuning {

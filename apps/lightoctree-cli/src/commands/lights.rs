@@ -295,7 +295,8 @@ fn remove(document: &mut Document, id: &str) -> anyhow::Result<()> {
         return Ok(());
     }
     find(&document.lights(), id)?;
-    Err(Usage(format!("{id} is part of the estimate and cannot be removed; `lights set {id} --off` switches it off")).into())
+    Err(Usage(format!("{id} is part of the estimate and cannot be removed; `lights set {id} --off` switches it off"))
+        .into())
 }
 
 fn reset(document: &mut Document, id: Option<&str>) -> anyhow::Result<()> {
@@ -389,7 +390,9 @@ fn shadow_error_text(estimate: &Estimate, [u, v]: [f64; 2], error: ShadowError) 
     let ShadowSupport { edges, sunny, explained, against, measured } = support;
     let (least, share) = (ShadowSupport::MIN_SUNNY, 100.0 * ShadowSupport::MIN_SUNNY_SHARE);
     let occlusion = if measured {
-        format!("; measured depth agrees with a shadow of this sun at {explained} of them and contradicts it at {against}")
+        format!(
+            "; measured depth agrees with a shadow of this sun at {explained} of them and contradicts it at {against}"
+        )
     } else {
         String::new()
     };
@@ -469,8 +472,9 @@ fn row(light: &ListedLight) -> Vec<String> {
         _ => String::new(),
     };
     let luminance = lightoctree::imaging::luminance(light.radiance);
-    let radiance =
-        light.irradiance.map_or_else(|| three_digits(luminance), |strength| format!("strength {}", three_digits(strength)));
+    let radiance = light
+        .irradiance
+        .map_or_else(|| three_digits(luminance), |strength| format!("strength {}", three_digits(strength)));
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
     vec![
         light.id.clone(),

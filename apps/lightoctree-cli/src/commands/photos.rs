@@ -48,7 +48,8 @@ pub fn files<'a>(photos: &'a [PathBuf], depths: &'a [PathBuf]) -> anyhow::Result
     match (photos.len(), depths.len()) {
         (1, 0 | 1) => Ok((photos, depths)),
         (count, 0) => {
-            let reason = "several photos need --depth with one file each, because predicted depths have no common scale";
+            let reason =
+                "several photos need --depth with one file each, because predicted depths have no common scale";
             Err(Usage(format!("{count} photos without depth: {reason}")).into())
         }
         (count, files) if count != files => {
@@ -126,8 +127,9 @@ impl PhotosArgs {
             };
             stages.note(&format!("{}: horizontal field of view {:.1}° ({source})", path.display(), camera.hfov_deg()));
             let exposure = exposures_ev.as_ref().map_or(1.0, |stops: &Vec<f64>| (-stops[index]).exp2() as f32);
-            let frame = Frame::new(photo.photo, depth_m, camera, exposure)
-                .with_context(|| format!("{} and {} cannot be used together", path.display(), depths[index].display()))?;
+            let frame = Frame::new(photo.photo, depth_m, camera, exposure).with_context(|| {
+                format!("{} and {} cannot be used together", path.display(), depths[index].display())
+            })?;
             frames.push(PosedFrame { frame, first_from_camera: pose });
         }
         let exposures = if exposures_ev.is_some() { Exposures::Known } else { Exposures::Matched };

@@ -114,8 +114,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         }));
         Ok(())
     };
-    let rendered =
-        lightoctree::render_probes(&scene, &points, frame.rendered_height(height), write, &mut |event| stages.handle(event));
+    let rendered = lightoctree::render_probes(&scene, &points, frame.rendered_height(height), write, &mut |event| {
+        stages.handle(event)
+    });
     rendered.or_else(|error| if error.is::<Cancelled>() { Ok(()) } else { Err(error) })?;
     let manifest = json!({
         "size": args.panorama.size,
@@ -128,12 +129,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if args.json {
         report::print_json(&manifest)?;
     } else {
-        report::print(&format!(
-            "{}  {} probes in {}",
-            args.output.display(),
-            entries.len(),
-            seconds(stages.total())
-        ));
+        report::print(&format!("{}  {} probes in {}", args.output.display(), entries.len(), seconds(stages.total())));
     }
     if entries.len() < probes.len() {
         anyhow::bail!(

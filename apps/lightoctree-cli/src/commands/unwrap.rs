@@ -176,7 +176,9 @@ fn lens(args: &Args, photo: &PhotoFile, stages: &mut Stages) -> anyhow::Result<B
     if let Some((distance_m, diameter_m)) = args.distance_m.zip(args.diameter_m) {
         let radii = 2.0 * distance_m / diameter_m;
         if radii <= 1.0 {
-            let text = format!("--distance-m {distance_m}: the camera would be inside the ball with a diameter of {diameter_m} m");
+            let text = format!(
+                "--distance-m {distance_m}: the camera would be inside the ball with a diameter of {diameter_m} m"
+            );
             return Err(Usage(text).into());
         }
         return Ok(BallLens::Distance { radii });
@@ -263,7 +265,11 @@ fn report_exposures(
     let name = |photo: usize| args.photos[photo].display();
     for (a, b) in (0..stops.len()).flat_map(|a| (a + 1..stops.len()).map(move |b| (a, b))) {
         if (stops[a] - stops[b]).abs() < SAME_STOPS {
-            stages.note(&format!("{} and {} have the same exposure, which does not extend the dynamic range", name(a), name(b)));
+            stages.note(&format!(
+                "{} and {} have the same exposure, which does not extend the dynamic range",
+                name(a),
+                name(b)
+            ));
         }
     }
     if source != ESTIMATED

@@ -106,15 +106,18 @@ fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyho
         let has_photo_options =
             args.depth.is_some() || has_depth_model(args) || args.panorama.is_some() || args.intrinsics.is_some();
         if has_photo_options {
-            let message = "--depth, --depth-model, --panorama and --intrinsics apply to photos, but the input is a scene";
+            let message =
+                "--depth, --depth-model, --panorama and --intrinsics apply to photos, but the input is a scene";
             return Err(Usage(message.into()).into());
         }
         return Ok(Source::Scene { file: input.display().to_string(), bytes, is_saved: true });
     }
     let Some(estimator) = estimator else {
-        return Err(
-            Usage("this program was built without weights (feature `weights`) and cannot estimate photos; open a scene".into()).into()
-        );
+        return Err(Usage(
+            "this program was built without weights (feature `weights`) and cannot estimate photos; open a scene"
+                .into(),
+        )
+        .into());
     };
     let file = |path: &Path, bytes: Vec<u8>| NamedFile {
         name: path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned()),

@@ -163,7 +163,8 @@ impl ObjectArgs {
 
     fn object(&self, mesh: &Path, range: &Range<usize>) -> Result<LayoutObject, Usage> {
         let name = mesh.display();
-        let (at, pixel) = (single_value("--at", &self.at, mesh, range)?, single_value("--pixel", &self.pixel, mesh, range)?);
+        let (at, pixel) =
+            (single_value("--at", &self.at, mesh, range)?, single_value("--pixel", &self.pixel, mesh, range)?);
         let path = single_value("--path", &self.path, mesh, range)?;
         match [at.is_some(), pixel.is_some(), path.is_some()].into_iter().filter(|&is_given| is_given).count() {
             0 => {
@@ -181,7 +182,9 @@ impl ObjectArgs {
         }
         let yaw_deg = single_value("--yaw-deg", &self.yaw_deg, mesh, range)?;
         if path.is_some() && yaw_deg.is_some() {
-            return Err(Usage(format!("--yaw-deg cannot be given for {name}: the keyframes of --path define its rotation")));
+            return Err(Usage(format!(
+                "--yaw-deg cannot be given for {name}: the keyframes of --path define its rotation"
+            )));
         }
         let material = single_value("--material", &self.material, mesh, range)?;
         let material = material.map(|text| MaterialSpec::parse(&text)).transpose();
@@ -202,8 +205,8 @@ impl ObjectArgs {
 
     /// Returns the first option of any object within a range of the command line.
     fn first_option(&self, range: Range<usize>) -> Option<&'static str> {
-        fn first<T>(given: &Given<T>) -> Option<usize> {
-            given.first().map(|&(index, _)| index)
+        fn first<T>(values: &IndexedValues<T>) -> Option<usize> {
+            values.first().map(|&(index, _)| index)
         }
         let options = [
             ("--at", first(&self.at)),
@@ -220,8 +223,16 @@ impl ObjectArgs {
     }
 }
 
-/// The value of an option within an object's range of the command line.
-fn only<T: Clone>(option: &str, given: &Given<T>, mesh: &Path, range: &Range<usize>) -> Result<Option<T>, Usage> {
+/// Returns the value of an option within an object's range of the command line.
+///
+/// # Errors
+/// The option is given twice.
+fn single_value<T: Clone>(
+    option: &str,
+    values: &IndexedValues<T>,
+    mesh: &Path,
+    range: &Range<usize>,
+) -> Result<Option<T>, Usage> {
     let mut within = values.iter().filter(|(index, _)| range.contains(index)).map(|(_, value)| value);
     let value = within.next().cloned();
     match within.next() {
