@@ -14,12 +14,14 @@ pub struct DepthModelArgs {
     /// Depth network in an ONNX file: MoGe-2, Depth Anything V2 or Metric3D v2 as published, others with
     /// --depth-model-config
     ///
-    /// MoGe-2 also predicts the field of view, used unless EXIF or an option gives it; MoGe-2 and Metric3D v2 predict normals.
-    /// Relative depth (Depth Anything V2 small, base and large) is fitted to the metric depth of the built-in network.
+    /// MoGe-2 also predicts the field of view, used unless EXIF or an option gives it; MoGe-2 and Metric3D v2 predict
+    /// normals. Relative depth (Depth Anything V2 small, base and large) is fitted to the metric depth of the built-in
+    /// network.
     #[arg(long, value_name = "FILE", conflicts_with = "depth")]
     depth_model: Option<PathBuf>,
 
-    /// TOML file that describes the network's input and output; without it, an error prints a template for unknown networks
+    /// TOML file that describes the network's input and output; without it, an error prints a template for unknown
+    /// networks
     #[arg(long, value_name = "FILE", requires = "depth_model")]
     depth_model_config: Option<PathBuf>,
 }

@@ -64,11 +64,13 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     depth_out: Option<PathBuf>,
 
-    /// Also write nine spherical-harmonics coefficients per channel, in the camera's frame or, with --level, the level one
+    /// Also write nine spherical-harmonics coefficients per channel, in the camera's frame or, with --level, the level
+    /// one
     #[arg(long, value_name = "FILE.json")]
     sh9: Option<PathBuf>,
 
-    /// Also write direction, solid angle, colour and power of the main light, in the axes of the program of --orientation
+    /// Also write direction, solid angle, colour and power of the main light, in the axes of the program of
+    /// --orientation
     #[arg(long, value_name = "FILE.json")]
     main_light: Option<PathBuf>,
 

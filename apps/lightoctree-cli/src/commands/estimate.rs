@@ -38,17 +38,17 @@ use crate::{output, report};
     lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
 #[command(mut_arg("output", |output| output.help("Scene file to write").value_name("SCENE")))]
 pub struct Args {
-    /// Photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear); or several of one room, with --depth and
-    /// --poses
+    /// Photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear); or several of one room, with --depth
+    /// and --poses
     #[arg(required_unless_present = "depth")]
     photo: Vec<PathBuf>,
 
-    /// Depth map of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by the
-    /// built-in network]
+    /// Depth map of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by
+    /// the built-in network]
     ///
     /// It comes from a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or, with --depth-is
-    /// predicted, from a program that predicts metric depth (Depth Anything, Depth Pro, MoGe, UniDepth). For several photos,
-    /// give one file per photo in the same order.
+    /// predicted, from a program that predicts metric depth (Depth Anything, Depth Pro, MoGe, UniDepth). For several
+    /// photos, give one file per photo in the same order.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     depth: Vec<PathBuf>,
 
@@ -106,8 +106,8 @@ pub struct Args {
 enum DepthArg {
     /// Sensor: used without correction
     Measured,
-    /// Network of another program: the up direction is estimated from the photo, and only surfaces well in front of an object
-    /// hide it
+    /// Network of another program: the up direction is estimated from the photo, and only surfaces well in front of an
+    /// object hide it
     Predicted,
 }
 
@@ -215,7 +215,8 @@ fn photo(
     Ok(resolved)
 }
 
-/// Creates an estimator, with networks if depth or completion needs them. `is_metric`: a depth model gives metric depth.
+/// Creates an estimator, with networks if depth or completion needs them. `is_metric`: a depth model gives metric
+/// depth.
 fn estimator(args: &Args, is_metric: bool, stages: &mut Stages) -> anyhow::Result<Estimator> {
     let network_completes = match args.completion {
         Some(completion) => completion == Completion::Network,

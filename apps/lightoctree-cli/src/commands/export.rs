@@ -34,7 +34,8 @@ pub struct Args {
     #[arg(long, value_name = "WHAT", default_value = "leaves", value_parser = choice(&CONTENTS))]
     content: Content,
 
-    /// Also write the environment map at this point, in metres, as NAME_probe.exr (usda: as the dome light); may be repeated
+    /// Also write the environment map at this point, in metres, as NAME_probe.exr (usda: as the dome light); may be
+    /// repeated
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
     probe_at: Vec<Vec3>,
 

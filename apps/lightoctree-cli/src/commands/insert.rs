@@ -82,11 +82,13 @@ pub struct Args {
     #[arg(long, value_name = "QUALITY", default_value = "normal", value_parser = choice(&QUALITIES))]
     quality: Quality,
 
-    /// Seconds after which --quality high stops and an image of normal quality is written, as after Ctrl-C [default: none]
+    /// Seconds after which --quality high stops and an image of normal quality is written, as after Ctrl-C [default:
+    /// none]
     #[arg(long, value_name = "S", value_parser = parse::positive, conflicts_with = "frames")]
     time_limit: Option<f64>,
 
-    /// Also write objects, alpha, shadow ratio and occlusion as layers of an EXR file; a sequence requires %04d in the name
+    /// Also write objects, alpha, shadow ratio and occlusion as layers of an EXR file; a sequence requires %04d in the
+    /// name
     #[arg(long, value_name = "FILE.exr")]
     layers: Option<PathBuf>,
 
@@ -261,7 +263,7 @@ impl<'a> Objects<'a> {
     }
 }
 
-/// What lights the objects.
+/// Light and surfaces that the objects are rendered with.
 struct Light<'a> {
     scene: &'a LitScene,
     lighting: Lighting,

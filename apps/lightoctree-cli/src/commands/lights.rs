@@ -115,8 +115,8 @@ struct SetArgs {
 enum AddArgs {
     /// Add a sun: a disc at infinity
     ///
-    /// Observed surfaces block it, except windows and lamps, and so do objects. Inferred walls do not. Without --strength
-    /// it is the photo's own sun.
+    /// Observed surfaces block it, except windows and lamps, and so do objects. Inferred walls do not. Without
+    /// --strength it is the photo's own sun.
     Sun(SunArgs),
     /// Add an area light: a rectangle or a sphere
     ///
@@ -137,17 +137,18 @@ struct SunArgs {
     #[arg(long, value_name = "E", value_parser = elevation, allow_hyphen_values = true, requires = "azimuth")]
     elevation: Option<f64>,
 
-    /// Direction by two pixels of the photo: a point that casts a shadow, such as a corner of the window, and its shadow
+    /// Direction by two pixels of the photo: a point that casts a shadow, such as a corner of the window, and its
+    /// shadow
     ///
     /// Without --strength, the photo must show edges of a sun patch around the shadow.
     #[arg(long, value_name = "U,V,U,V", value_parser = parse::pixels, conflicts_with = "azimuth", required_unless_present = "azimuth")]
     shadow: Option<[[f64; 2]; 2]>,
 
-    /// Irradiance on a surface that faces the sun; pi makes a white one as bright as the photo's white [default: the photo's
-    /// own sun]
+    /// Irradiance on a surface that faces the sun; pi makes a white one as bright as the photo's white [default: the
+    /// photo's own sun]
     ///
-    /// The photo's own sun lights objects where the photo shows sun patches. Its strength follows from the brightness of the
-    /// patches relative to the shade.
+    /// The photo's own sun lights objects where the photo shows sun patches. Its strength follows from the brightness
+    /// of the patches relative to the shade.
     #[arg(long, value_name = "S", value_parser = parse::positive)]
     strength: Option<f64>,
 
@@ -155,7 +156,8 @@ struct SunArgs {
     #[arg(long, value_name = "D", value_parser = parse::positive, default_value_t = 0.53)]
     angle: f64,
 
-    /// Colour: a temperature such as 5500K, or linear R,G,B [default: white; for the photo's own sun, its observed colour]
+    /// Colour: a temperature such as 5500K, or linear R,G,B [default: white; for the photo's own sun, its observed
+    /// colour]
     #[arg(long, value_name = "KELVIN|R,G,B", value_parser = parse::light_color)]
     color: Option<LightColor>,
 
@@ -343,7 +345,7 @@ fn sun(estimate: &Arc<Estimate>, args: &SunArgs, stages: &Stages) -> anyhow::Res
     let angles = format!("azimuth {azimuth:.0}°, elevation {elevation:.0}°");
     let found = lightoctree::sun_of_photo(estimate, direction, angular_radius_deg).ok_or_else(|| {
         Usage(format!(
-            "the photo shows no sharp-edged sun patches on surfaces that face this sun ({angles}); with --strength it shines \
+            "the photo shows no sun patches with sharp edges on surfaces that face this sun ({angles}); with --strength it shines \
              in through all unobserved regions"
         ))
     })?;

@@ -19,8 +19,8 @@ pub struct PanoramaArgs {
     /// Equirectangular panorama of the same room, which lights unobserved regions: HDR, EXR, PFM (linear) or JPEG, PNG
     /// (clipped)
     ///
-    /// It may come from a 360° camera, a mirror ball or a program that generates panoramas. Yaw, small tilts and exposure are
-    /// found by comparing it with the photo.
+    /// It may come from a 360° camera, a mirror ball or a program that generates panoramas. Yaw, small tilts and
+    /// exposure are found by comparing it with the photo.
     #[arg(long, value_name = "FILE")]
     pub panorama: Option<PathBuf>,
 

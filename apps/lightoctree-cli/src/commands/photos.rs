@@ -19,14 +19,14 @@ use crate::usage::Usage;
 pub struct PhotosArgs {
     /// Camera poses of several photos: one file for all, or one per photo
     ///
-    /// Formats are recognised by their content: lightoctree's JSON, Record3D's metadata.json, frames of 3D Scanner App and of
-    /// Polycam's raw data, transforms.json of NeRF programs (in metres), TUM trajectories. Their intrinsics are used unless
-    /// --intrinsics or --hfov-deg is given.
+    /// Formats are recognised by their content: lightoctree's JSON, Record3D's metadata.json, frames of 3D Scanner App
+    /// and of Polycam's raw data, transforms.json of NeRF programs (in metres), TUM trajectories. Their intrinsics are
+    /// used unless --intrinsics or --hfov-deg is given.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub poses: Vec<PathBuf>,
 
-    /// Exposure of each of several photos in stops; +1 shows the same light twice as bright [default: from the pose file or
-    /// EXIF, else matched]
+    /// Exposure of each of several photos in stops; +1 shows the same light twice as bright [default: from the pose
+    /// file or EXIF, else matched]
     #[arg(long, value_name = "EV,EV,…", value_parser = parse::exposures_ev, allow_hyphen_values = true)]
     exposures: Option<parse::ExposuresEv>,
 }

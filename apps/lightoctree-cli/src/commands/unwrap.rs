@@ -27,12 +27,13 @@ use crate::{output, report};
     surroundings. Use the panorama with `lightoctree estimate photo.jpg --panorama room.hdr`.")]
 #[command(mut_arg("output", |output| output.help("Panorama to write: .exr, .hdr or .pfm")))]
 pub struct Args {
-    /// Photos of the ball from one position at different exposures: JPEG, PNG, TIFF, WebP, BMP, PNM (sRGB) or HDR, EXR, PFM
-    /// (linear)
+    /// Photos of the ball from one position at different exposures: JPEG, PNG, TIFF, WebP, BMP, PNM (sRGB) or HDR, EXR,
+    /// PFM (linear)
     #[arg(required = true, value_name = "PHOTO")]
     photos: Vec<PathBuf>,
 
-    /// Relative exposure of each photo in stops; larger is brighter [default: from EXIF, else estimated from the photos]
+    /// Relative exposure of each photo in stops; larger is brighter [default: from EXIF, else estimated from the
+    /// photos]
     #[arg(long, value_name = "EV,EV,…", value_delimiter = ',', allow_hyphen_values = true)]
     exposures: Vec<f64>,
 

@@ -96,10 +96,10 @@ mod tests {
         let back = LevelFrame { level_from_camera: there.level_from_camera.inverse() };
         let result = back.panorama(&there.panorama(&original, height), height);
         assert_eq!((result.radiance.width(), result.distance_m.height()), (width, height));
-        // The value changes by at most 0.025 per pixel. Interpolation is off by less than half a pixel, next to the
-        // poles; the nearest pixel is off by up to 0.71 pixels in each of two rotations.
+        // The value changes by at most 0.0245 per pixel. Interpolation is of second order, so off by less than 0.0245².
+        // The nearest pixel is off by up to 0.71 pixels in each of two rotations.
         for (radiance, expected) in result.radiance.pixels().iter().zip(original.radiance.pixels()) {
-            assert!((radiance[1] - expected[1]).abs() < 0.0125, "{radiance:?} {expected:?}");
+            assert!((radiance[1] - expected[1]).abs() < 6e-4, "{radiance:?} {expected:?}");
         }
         for (distance_m, expected) in result.distance_m.pixels().iter().zip(original.distance_m.pixels()) {
             assert!((distance_m - expected).abs() < 0.036, "{distance_m} {expected}");

@@ -16,15 +16,16 @@ use crate::usage::Usage;
 /// The options without their order, as clap parses them.
 #[derive(Debug, Args)]
 struct Flags {
-    /// Object: glTF, GLB, OBJ, PLY, STL, builtin:sphere, builtin:suzanne or builtin:tea-set; may be repeated [default: the
-    /// objects that the viewer saved in the scene]
+    /// Object: glTF, GLB, OBJ, PLY, STL, builtin:sphere, builtin:suzanne or builtin:tea-set; may be repeated [default:
+    /// the objects that the viewer saved in the scene]
     ///
     /// For several objects, each --mesh is followed by its own --at, --pixel or --path, --scale or --height, --yaw-deg,
     /// --align and --material.
     #[arg(long, value_name = "FILE")]
     mesh: Vec<PathBuf>,
 
-    /// File with objects and their positions, instead of --mesh: {"objects": [{"mesh": …, "pixel": …}, …]}; see docs/layout.md
+    /// File with objects and their positions, instead of --mesh: {"objects": [{"mesh": …, "pixel": …}, …]}; see
+    /// docs/layout.md
     #[arg(
         long,
         value_name = "FILE.json",

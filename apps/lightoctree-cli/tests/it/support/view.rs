@@ -1,4 +1,4 @@
-//! `lightoctree view` as a running program, and what a page says to it.
+//! A running `lightoctree view`, and a client of its WebSocket.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tungstenite::{Message, WebSocket};
 
-/// A running `view`; it ends with this.
+/// A running `view`; it is killed on drop.
 pub struct Viewer {
     child: Child,
     /// `http://127.0.0.1:PORT/TOKEN/`
@@ -17,7 +17,7 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Starts it in a folder and waits for its address.
+    /// Starts the viewer in a folder and waits for its address.
     pub fn start(folder: &Path, args: &[&str]) -> Self {
         let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin("lightoctree"));
         command.current_dir(folder).args(["--quiet", "view"]).args(args).stdout(Stdio::piped());
@@ -28,13 +28,13 @@ impl Viewer {
         Self { child, address: address.trim().to_owned() }
     }
 
-    /// `127.0.0.1:PORT` and `/TOKEN/`.
+    /// Returns `127.0.0.1:PORT` and `/TOKEN/`.
     pub fn host_and_path(&self) -> (&str, &str) {
         let rest = self.address.strip_prefix("http://").unwrap();
         rest.split_at(rest.find('/').unwrap())
     }
 
-    /// Sends a request with these lines behind the first and a body; the answer's status and body.
+    /// Sends a request with header `lines` and a body, and returns status and body of the response.
     pub fn request(&self, method: &str, path: &str, lines: &[&str], body: &[u8]) -> (u16, Vec<u8>) {
         let (host, _) = self.host_and_path();
         let mut stream = TcpStream::connect(host).unwrap();
@@ -42,7 +42,7 @@ impl Viewer {
         write!(stream, "{method} {path} HTTP/1.1\r\nConnection: close\r\n{}\r\n\r\n", lines.join("\r\n")).unwrap();
         stream.write_all(body).unwrap();
         let mut answer = Vec::new();
-        // Who is refused before all is sent finds the connection closed.
+        // A request that is rejected before it is complete finds the connection closed.
         let _ = stream.read_to_end(&mut answer);
         let end =
             answer.windows(4).position(|window| window == b"\r\n\r\n").unwrap_or(answer.len().saturating_sub(4)) + 4;
@@ -53,7 +53,7 @@ impl Viewer {
         (status, if is_chunked { unchunked(body) } else { body.to_vec() })
     }
 
-    /// Fetches what lies below the token.
+    /// Fetches a path below the token.
     pub fn get(&self, path: &str) -> (u16, Vec<u8>) {
         let (host, token) = self.host_and_path();
         self.request("GET", &format!("{token}{path}"), &[&format!("Host: {host}")], b"")
@@ -69,7 +69,7 @@ impl Viewer {
         (status, String::from_utf8(text).unwrap())
     }
 
-    /// Connects as a page does.
+    /// Connects like a page.
     pub fn page(&self) -> Page {
         let (host, path) = self.host_and_path();
         let stream = TcpStream::connect(host).unwrap();
@@ -78,12 +78,12 @@ impl Viewer {
         Page { socket }
     }
 
-    /// Whether it still runs.
+    /// Whether the process is running.
     pub fn is_alive(&mut self) -> bool {
         self.child.try_wait().unwrap().is_none()
     }
 
-    /// Its memory, MB.
+    /// Resident memory of the process, MiB.
     pub fn memory_mb(&self) -> f64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
         let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
@@ -98,23 +98,23 @@ impl Drop for Viewer {
     }
 }
 
-/// A page's end of the WebSocket.
+/// The client side of a WebSocket.
 pub struct Page {
     socket: WebSocket<TcpStream>,
 }
 
 impl Page {
-    /// Says something.
+    /// Sends a message.
     pub fn say(&mut self, message: &Value) {
         self.socket.send(Message::text(message.to_string())).unwrap();
     }
 
-    /// Does something, as a step of the history.
+    /// Sends a command, which becomes a step of the history.
     pub fn act(&mut self, command: &Value) {
         self.say(&serde_json::json!({ "type": "command", "command": command }));
     }
 
-    /// The next message that is as `is_wanted` asks, with its pictures.
+    /// Waits for the next message for which `is_wanted` is true, and returns it with its images.
     pub fn hear(&mut self, what: &str, is_wanted: impl Fn(&Value) -> bool) -> (Value, Vec<u8>) {
         let begun = Instant::now();
         while begun.elapsed() < Duration::from_secs(300) {
@@ -135,7 +135,7 @@ impl Page {
     }
 }
 
-/// A body that came in pieces (RFC 9112, 7.1), as far as it came.
+/// Decodes a chunked body (RFC 9112, 7.1) as far as it was received.
 fn unchunked(mut body: &[u8]) -> Vec<u8> {
     let mut whole = Vec::new();
     while let Some(end) = body.windows(2).position(|window| window == b"\r\n") {
