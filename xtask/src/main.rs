@@ -32,9 +32,9 @@ const CHECKS: [Check; 8] = [
     Check { name: "documents", problems: documents::problems, is_enforced: true },
     Check { name: "deny", problems: deny::problems, is_enforced: true },
     Check { name: "features", problems: features::problems, is_enforced: true },
-    Check { name: "words", problems: words::problems, is_enforced: false },
-    Check { name: "width", problems: width::problems, is_enforced: false },
-    Check { name: "rings", problems: rings::problems, is_enforced: false },
+    Check { name: "words", problems: words::problems, is_enforced: true },
+    Check { name: "width", problems: width::problems, is_enforced: true },
+    Check { name: "rings", problems: rings::problems, is_enforced: true },
 ];
 
 fn main() -> anyhow::Result<ExitCode> {

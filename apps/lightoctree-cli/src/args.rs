@@ -1,4 +1,4 @@
-//! Options that commands share, in both programs.
+//! Options shared by the commands of both programs.
 
 use std::path::PathBuf;
 
@@ -6,58 +6,58 @@ use clap::ValueEnum;
 
 /// Options of every command.
 #[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Options of every command")]
+#[command(next_help_heading = "Global options")]
 pub struct Global {
-    /// Threads to use [default: one per core]
+    /// Number of threads [default: one per CPU core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Seed of every random choice; only rooms, training, evaluation and the networks of `estimate` make any, other results are always the same
+    /// Seed of random numbers; only `estimate`, room generation, training and evaluation use them
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]
     pub seed: u64,
 
-    /// No progress and no notes, errors only
+    /// Print only results and errors, without progress and notes
     #[arg(long, short, global = true)]
     pub quiet: bool,
 
-    /// How much to say on stderr
+    /// Log level on stderr
     #[arg(long, global = true, value_name = "LEVEL", default_value = "warn")]
     pub log: LogLevel,
 }
 
-/// Options of commands whose result is a file.
+/// Options of commands that write a file.
 #[derive(Debug, clap::Args)]
 pub struct OutputArgs {
-    /// The file to write
+    /// Output file
     #[arg(long, short, value_name = "FILE")]
     pub output: PathBuf,
 
-    /// Replace existing files, whatever they are
+    /// Overwrite existing files of any origin
     #[arg(long)]
     pub force: bool,
 
-    /// Print the result as JSON
+    /// Print a summary as JSON
     #[arg(long)]
     pub json: bool,
 }
 
-/// How much to say on stderr.
+/// Log level of messages on stderr.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum LogLevel {
-    /// Failures only.
+    /// Errors.
     Error,
-    /// What may surprise too.
+    /// Also warnings.
     Warn,
-    /// What is done.
+    /// Also what is being done.
     Info,
-    /// Details for developers.
+    /// Also details for developers.
     Debug,
     /// Everything.
     Trace,
 }
 
 impl LogLevel {
-    /// What `tracing` calls it.
+    /// Converts it to the type of `tracing`.
     pub fn level(self) -> tracing::Level {
         match self {
             Self::Error => tracing::Level::ERROR,

@@ -1,4 +1,4 @@
-//! Options whose values are named choices of a library's type.
+//! Options whose values are named choices of a type defined in a library.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
@@ -14,7 +14,7 @@ pub fn choice<T: Copy + Send + Sync + 'static>(choices: &'static [Choice<T>]) ->
     })
 }
 
-/// The name of a value of `choices`; empty if it is none of them.
+/// Returns the name of a value of `choices`; empty if it is not among them.
 pub fn name_of<T: PartialEq>(choices: &[Choice<T>], value: T) -> &'static str {
     choices.iter().find(|(_, other, _)| *other == value).map_or("", |(name, ..)| name)
 }

@@ -1,18 +1,18 @@
-//! Everything that the command line understands.
+//! The command line of `lightoctree`.
 
 use clap::{Parser, Subcommand};
 
 use crate::args::Global;
 use crate::commands;
 
-/// Indoor lighting from one photo: a lighting octree, HDR panoramas at any point, objects in the picture.
+/// Estimates the lighting of a room from one photo, renders HDR panoramas at any point and inserts virtual objects
 #[derive(Debug, Parser)]
 #[command(name = "lightoctree", version, propagate_version = true, max_term_width = 110)]
 pub struct Cli {
-    /// Options of every command.
+    /// Global options.
     #[command(flatten)]
     pub global: Global,
-    /// What to do.
+    /// Selected command.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -20,26 +20,26 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run the whole job on a photo that the program carries
+    /// Run all steps on a bundled photo
     Demo(commands::demo::Args),
-    /// Photo, with or without depth → scene file
+    /// Estimate a scene from a photo, with or without depth
     Estimate(commands::estimate::Args),
-    /// Scene → HDR panorama at a point
+    /// Render an HDR environment map at a point of a scene
     Envmap(commands::envmap::Args),
-    /// Scene → many HDR panoramas with a manifest
+    /// Render HDR environment maps at many points of a scene
     Probes(commands::probes::Args),
-    /// Put a virtual object into the photo
+    /// Insert virtual objects into the photo of a scene
     Insert(commands::insert::Args),
-    /// Move objects and light about in a browser
+    /// Move objects and edit lights in the browser
     View(commands::view::Args),
-    /// Say what a scene file holds
+    /// Print the contents of a scene file
     Inspect(commands::inspect::Args),
-    /// List what gives light in a scene, and change it
+    /// List and edit the lights of a scene
     Lights(commands::lights::Args),
-    /// Scene → PLY, GLB or USD for other programs
+    /// Convert a scene to PLY, glTF or USD
     Export(commands::export::Args),
-    /// Photos of a mirror ball → HDR panorama
+    /// Convert photos of a mirror ball to an HDR panorama
     Unwrap(commands::unwrap::Args),
-    /// Print a completion script for a shell
+    /// Print a shell completion script
     Completions(commands::completions::Args),
 }

@@ -1,29 +1,29 @@
-//! Ctrl-C: the first asks the running command to stop after the step at hand, the second ends the program at once.
+//! Ctrl-C: the first stops the command after its current step, the second ends the program immediately.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-static ASKED: AtomicBool = AtomicBool::new(false);
+static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Starts to listen for Ctrl-C.
+/// Installs the handler of Ctrl-C.
 pub fn install() {
     let handler = || {
-        if ASKED.swap(true, Ordering::SeqCst) {
+        if REQUESTED.swap(true, Ordering::SeqCst) {
             std::process::exit(130);
         }
-        eprintln!("\nstopping after the step at hand; Ctrl-C again stops at once");
+        eprintln!("\nstopping after the current step; press Ctrl-C again to stop immediately");
     };
     if let Err(error) = ctrlc::set_handler(handler) {
-        tracing::debug!("Ctrl-C ends the program at once: {error}");
+        tracing::debug!("Ctrl-C ends the program immediately: {error}");
     }
 }
 
-/// The answer of a handler of events: the job goes on until the user asks to stop.
-pub fn go_on() -> ControlFlow<()> {
-    if asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+/// Returns `Break` after a Ctrl-C, for event handlers.
+pub fn control_flow() -> ControlFlow<()> {
+    if requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
-/// Whether the user asked to stop.
-pub fn asked() -> bool {
-    ASKED.load(Ordering::SeqCst)
+/// Whether Ctrl-C was pressed.
+pub fn requested() -> bool {
+    REQUESTED.load(Ordering::SeqCst)
 }

@@ -1,8 +1,8 @@
 //! The `lightoctree` command: indoor lighting from one photo.
 //!
-//! A library so that its options can be tested and fuzzed; `main.rs` only calls [`main`]. What makes it a program (threads, log, Ctrl-C,
-//! progress, exit codes) is also that of `lightoctree-lab`: [`program`].
-//! Exit codes: 0 done, 1 the job failed, 2 wrong usage.
+//! It is a library so that its options can be tested and fuzzed; `main.rs` only calls [`main`]. `lightoctree-lab`
+//! shares its threads, log, Ctrl-C handler, progress and exit codes through [`program`].
+//! Exit codes: 0 success, 1 the command failed, 2 wrong usage.
 
 pub mod args;
 pub mod choice;
@@ -22,13 +22,13 @@ use args::Global;
 use cli::{Cli, Command};
 use usage::Usage;
 
-/// The whole program, from the command line to the exit code.
+/// Runs the program: parses the command line, runs the command and returns the exit code.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     program(&cli.global, || run(&cli))
 }
 
-/// Starts log, threads and the ear for Ctrl-C, does the job, says why it failed; the exit code.
+/// Starts log, threads and the Ctrl-C handler, runs a job, prints its error and returns the exit code.
 pub fn program(global: &Global, job: impl FnOnce() -> anyhow::Result<()>) -> ExitCode {
     start_log(global);
     if let Err(error) = start_threads(global.threads) {
@@ -45,7 +45,7 @@ pub fn program(global: &Global, job: impl FnOnce() -> anyhow::Result<()>) -> Exi
     }
 }
 
-/// The chain of causes, without those that the text before them tells already.
+/// Joins the chain of causes, without those that the text before them already contains.
 fn message(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn causes_are_told_once() {
+    fn causes_are_not_repeated() {
         let error = anyhow::anyhow!("no such node").context("a.glb: no such node").context("--mesh");
         assert_eq!(message(&error), "--mesh: a.glb: no such node");
     }

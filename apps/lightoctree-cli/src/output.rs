@@ -1,4 +1,4 @@
-//! Output files: never half-written, and never over somebody else's work.
+//! Checks that output paths never overwrite files of other origin.
 
 use std::fs::File;
 use std::io::Read;
@@ -8,18 +8,21 @@ use anyhow::Context;
 
 use crate::usage::Usage;
 
-/// What the maker's name looks like inside of the files that a command writes; the same for a command of either program.
+/// Returns the signature that a command of either program writes into its files.
 ///
-/// Every format we write has a place for it: EXR attributes, a Radiance header line, a PNG text chunk, a JPEG comment, PLY comments,
-/// glTF's `asset.generator`, USD's `customLayerData`, JSON's `generator`. PFM has none.
+/// It is stored in EXR attributes, a Radiance header line, a PNG text chunk, a JPEG comment, PLY comments, glTF's
+/// `asset.generator`, USD's `customLayerData` or JSON's `generator`. PFM has no place for it.
 pub fn signature(command: &str) -> String {
     format!("lightoctree {command}")
 }
 
-/// How much of an existing file is searched for the signature.
+/// Bytes at the beginning of an existing file that are searched for the signature.
 const SEARCHED_BYTES: u64 = 16 * 1024;
 
-/// Fails where `path` exists and is not an earlier result of the same command.
+/// Checks that `path` can be written: it does not exist yet, is empty, or was written by the same command.
+///
+/// # Errors
+/// [`Usage`] if it is another file, a folder, or in a folder that does not exist.
 pub fn check_replaceable(path: &Path, command: &str, force: bool) -> anyhow::Result<()> {
     if force {
         return Ok(());
@@ -27,10 +30,10 @@ pub fn check_replaceable(path: &Path, command: &str, force: bool) -> anyhow::Res
     let metadata = match std::fs::metadata(path) {
         Ok(metadata) => metadata,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return check_parent(path),
-        Err(error) => return Err(error).with_context(|| format!("cannot look at {}", path.display())),
+        Err(error) => return Err(error).with_context(|| format!("cannot access {}", path.display())),
     };
     if metadata.is_dir() {
-        return Err(Usage(format!("{} is a folder; name a file", path.display())).into());
+        return Err(Usage(format!("{} is a folder; give a file name", path.display())).into());
     }
     let mut head = Vec::new();
     File::open(path)
@@ -41,20 +44,24 @@ pub fn check_replaceable(path: &Path, command: &str, force: bool) -> anyhow::Res
         return Ok(());
     }
     Err(Usage(format!(
-        "{} exists and was not written by lightoctree's `{command}`; choose another name or give --force",
+        "{} exists and was not written by `lightoctree {command}`; choose another name, or overwrite it with --force",
         path.display()
     ))
     .into())
 }
 
-/// Makes the folder `path`, or accepts it when it is empty or holds a manifest of the same command.
+/// Creates the folder `path`, or checks that it is empty or contains a manifest of the same command.
+///
+/// # Errors
+/// [`Usage`] if it contains other files.
 pub fn prepare_folder(path: &Path, manifest: &str, command: &str, force: bool) -> anyhow::Result<()> {
     match std::fs::read_dir(path) {
         Ok(mut entries) => {
             let empty = entries.next().is_none();
             if !empty && !path.join(manifest).exists() && !force {
                 return Err(Usage(format!(
-                    "{} is not empty and holds no {manifest} of an earlier run; choose another folder or give --force",
+                    "{} is not empty and contains no {manifest} of an earlier run; choose another folder, or write into it with \
+                     --force",
                     path.display()
                 ))
                 .into());
@@ -62,7 +69,7 @@ pub fn prepare_folder(path: &Path, manifest: &str, command: &str, force: bool) -
             check_replaceable(&path.join(manifest), command, force)
         }
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            std::fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))
+            std::fs::create_dir_all(path).with_context(|| format!("cannot create the folder {}", path.display()))
         }
         Err(error) => Err(error).with_context(|| format!("cannot use {} as a folder", path.display())),
     }
@@ -71,7 +78,8 @@ pub fn prepare_folder(path: &Path, manifest: &str, command: &str, force: bool) -
 fn check_parent(path: &Path) -> anyhow::Result<()> {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() && !parent.is_dir() => {
-            Err(Usage(format!("the folder {} for {} does not exist", parent.display(), path.display())).into())
+            Err(Usage(format!("cannot write {}: the folder {} does not exist", path.display(), parent.display()))
+                .into())
         }
         _ => Ok(()),
     }
@@ -88,7 +96,7 @@ mod tests {
         let own = folder.path().join("own.ply");
         std::fs::write(&own, "ply\ncomment lightoctree export\n").unwrap();
         let foreign = folder.path().join("foreign.ply");
-        std::fs::write(&foreign, "ply\ncomment by hand\n").unwrap();
+        std::fs::write(&foreign, "ply\ncomment other program\n").unwrap();
         assert!(check_replaceable(&own, "export", false).is_ok());
         assert!(check_replaceable(&own, "envmap", false).unwrap_err().is::<Usage>());
         assert!(check_replaceable(&foreign, "export", false).unwrap_err().is::<Usage>());

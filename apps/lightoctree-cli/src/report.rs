@@ -1,8 +1,8 @@
-//! Tables on stdout, or the same as JSON.
+//! Results on stdout, as tables or JSON.
 
 use std::io::Write;
 
-/// Prints lines of a result; a closed pipe (`| head`) ends quietly.
+/// Prints lines of a result. A closed pipe (`| head`) ends the program without an error.
 pub fn print(text: &str) {
     let mut out = std::io::stdout().lock();
     if writeln!(out, "{text}").and_then(|()| out.flush()).is_err() {
@@ -16,7 +16,7 @@ pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Lines up the columns of a table; the first column is left-aligned, the others right-aligned.
+/// Formats a table; the first column is left-aligned, the others right-aligned.
 pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let mut widths: Vec<usize> = head.iter().map(|cell| cell.chars().count()).collect();
     for row in rows {
@@ -40,7 +40,7 @@ pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     std::iter::once(line(&head)).chain(rows.iter().map(|row| line(row))).collect::<Vec<_>>().join("\n")
 }
 
-/// `1.5 MB`, in powers of 1000.
+/// Formats a size in powers of 1000, such as `1.5 MB`.
 pub fn bytes(count: u64) -> String {
     let mut value = count as f64;
     for unit in ["B", "kB", "MB", "GB"] {
@@ -49,7 +49,7 @@ pub fn bytes(count: u64) -> String {
         }
         value /= 1000.0;
     }
-    unreachable!("the last unit takes everything")
+    unreachable!("the last unit has no upper bound")
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! What cannot be carried out as it was asked for.
+//! Errors of usage.
 
 use std::fmt;
 
-/// A request that cannot be carried out as it was written: exit code 2 instead of 1.
+/// An error of the command line rather than of the job. The exit code is 2 instead of 1.
 #[derive(Debug)]
 pub struct Usage(pub String);
 

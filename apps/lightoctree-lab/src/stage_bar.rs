@@ -32,7 +32,7 @@ impl StageBar {
             }
             _ => {}
         }
-        interrupt::go_on()
+        interrupt::control_flow()
     }
 }
 

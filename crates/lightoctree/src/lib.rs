@@ -102,7 +102,7 @@ pub use lo_geometry as geometry;
 pub use lo_imaging as imaging;
 pub use lo_insert as insert;
 pub use lo_lights as lights;
-pub use lo_lookup::{Detail, PhotoLookup, SceneRenderer};
+pub use lo_lookup::{Detail, LevelFrame, PhotoLookup, SceneRenderer};
 pub use lo_mesh as mesh;
 #[doc(hidden)]
 pub use lo_nets as nets;

@@ -1,4 +1,4 @@
-//! `lightoctree completions SHELL`.
+//! `lightoctree completions SHELL`: prints a shell completion script.
 
 use clap_complete::Shell;
 
@@ -8,11 +8,11 @@ use clap_complete::Shell;
     after_help = "Example:\n  lightoctree completions bash > ~/.local/share/bash-completion/completions/lightoctree"
 )]
 pub struct Args {
-    /// Which shell
+    /// Shell that runs the script
     shell: Shell,
 }
 
-/// Prints the script of a program's whole command line.
+/// Prints the script for all commands of a program.
 pub fn run(args: &Args, command: &mut clap::Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
     let name = command.get_name().to_owned();

@@ -1,4 +1,4 @@
-//! `lightoctree demo`: the whole job on a photo that the program carries.
+//! `lightoctree demo`: runs all steps on a bundled photo.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -21,15 +21,15 @@ use crate::{interrupt, output, report};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  lightoctree demo --out demo")]
 pub struct Args {
-    /// The folder to write into
+    /// Folder to write to
     #[arg(long, value_name = "DIR", default_value = "lightoctree-demo")]
     out: PathBuf,
 
-    /// Write into a folder that holds other things
+    /// Write to a folder that contains other files
     #[arg(long)]
     force: bool,
 
-    /// Print the result as JSON
+    /// Print a summary as JSON
     #[arg(long)]
     json: bool,
 }
@@ -40,9 +40,9 @@ const FRAMES: usize = 12;
 
 const PHOTO: &[u8] = include_bytes!("../../assets/library_color.jpg");
 const DEPTH: &[u8] = include_bytes!("../../assets/library_lidar_depth.png");
-/// The intrinsics with which floor and shelf come out perpendicular; the photo has no EXIF block.
+/// Intrinsics with which floor and shelf are perpendicular. The photo has no EXIF block.
 const INTRINSICS: [f64; 4] = [1330.0, 1330.0, 960.0, 720.0];
-/// Where the object stands in the halved photo, in pixels.
+/// Position of the object in the half-size photo, in pixels.
 const PIXEL: [f64; 2] = [510.0, 570.0];
 /// Height of the object in metres.
 const HEIGHT_M: f32 = 0.5;
@@ -52,7 +52,7 @@ const PATH: &str = r#"{"interpolation": "catmull-rom", "keyframes": [
     {"time_s": 1, "pixel": [510, 570], "yaw_deg": 0},
     {"time_s": 2, "pixel": [730, 545], "yaw_deg": -40}]}"#;
 
-/// Runs everything once.
+/// Estimates the scene, then renders a panorama and inserts objects.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::prepare_folder(&args.out, MANIFEST, COMMAND, args.force)?;
     let file = |name: &str| args.out.join(name);
@@ -60,13 +60,13 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
 
     let frame = stages.stage("read photo and depth", frame)?;
-    let frame = stages.stage("halve the photo", || halved(frame));
+    let frame = stages.stage("resize photo", || half_size(frame));
     let estimator = match cfg!(feature = "weights") {
         true => stages.stage("read weights", || super::estimator(None))?,
         false => Estimator::without_networks(),
     };
     if estimator.networks().is_some() {
-        stages.note("first from the photo alone");
+        stages.note("estimate from the photo alone");
         let alone = Input::Photo { photo: frame.photo.clone(), camera: frame.camera };
         let document = Document::new(estimate(&mut stages, alone, &estimator)?);
         let base = placement(&document.estimate)?;
@@ -74,12 +74,12 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         let gold = model("gold")?;
         let lit = lit_for(&document, &base, &mut stages)?;
         let inserter = Inserter::new(&lit, Lighting::Octree, Quality::Draft)?;
-        let composite = stages.stage("insert, gold", || {
-            inserter.render(&[Instance::new(&gold, base.scaled(scale(&gold)))], &mut |_| interrupt::go_on())
+        let composite = stages.stage("insert gold object", || {
+            inserter.render(&[Instance::new(&gold, base.scaled(scale(&gold)))], &mut |_| interrupt::control_flow())
         })?;
         imaging::write_photo(file("alone_object.png"), &composite.image, &output::signature(COMMAND))?;
         files.push(file("alone_object.png"));
-        stages.note("then from photo and LiDAR depth");
+        stages.note("estimate from photo and LiDAR depth");
     }
     let document = Document::new(estimate(&mut stages, Input::MeasuredDepth(frame), &estimator)?);
     stages.stage("write scene", || document.write(&file("library.scene"), &output::signature(COMMAND)))?;
@@ -92,23 +92,23 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     finish(args, &files, &stages)
 }
 
-/// Where the object stands.
+/// Returns the object's placement, without its scale.
 fn placement(estimate: &Estimate) -> anyhow::Result<Placement> {
     let [u, v] = PIXEL;
     Ok(Placement::rest_on_pixel(estimate, u, v, Align::Gravity)?)
 }
 
-/// The light that the object is inserted in.
+/// Applies the light for the inserted object.
 fn lit_for(document: &Document, base: &Placement, stages: &mut Stages) -> anyhow::Result<LitScene> {
     super::light::lit(document, LightPurpose::Objects { at_m: base.position_m }, stages)
 }
 
-/// Metres per unit of the object.
+/// Returns metres per unit of the object.
 fn scale(object: &PreparedModel) -> f32 {
     HEIGHT_M / object.bounds().size().y
 }
 
-/// The panorama in the middle of the object, as `.exr` and `.png` of this name.
+/// Renders the panorama at the object's centre, and writes it as `.exr` and `.png` with this name.
 fn write_panorama(
     stages: &mut Stages,
     document: &Document,
@@ -130,7 +130,7 @@ fn write_panorama(
     Ok(files)
 }
 
-/// The frame that the program carries, at the photo's full resolution.
+/// Reads the bundled photo and depth, at full resolution.
 pub fn frame() -> anyhow::Result<Frame> {
     let photo = imaging::photo_from_bytes(PHOTO, "library_color.jpg")?;
     let depth_m = imaging::depth_from_bytes(DEPTH, "library_lidar_depth.png", None)?;
@@ -139,24 +139,24 @@ pub fn frame() -> anyhow::Result<Frame> {
     Ok(Frame::new(photo.photo, depth_m, camera, 1.0)?)
 }
 
-/// The same photo with half as many pixels a side: enough for a first look, in a quarter of the time.
-fn halved(frame: Frame) -> Frame {
+/// Halves the photo's width and height, which takes a quarter of the time.
+fn half_size(frame: Frame) -> Frame {
     let (width, height) = (frame.photo.width() / 2, frame.photo.height() / 2);
     let photo = imaging::resize(&frame.photo.radiance(), width, height).map(|rgb| rgb.map(imaging::srgb8_from_linear));
     Frame { camera: frame.camera.resized(width as u32, height as u32), photo: Photo::Srgb8(photo), ..frame }
 }
 
-/// The scene of the carried photo: by networks where there are any, else by the shell.
+/// Estimates the scene of the bundled photo: by networks, or without them by the shell.
 pub fn estimate(stages: &mut Stages, input: Input, estimator: &Estimator) -> anyhow::Result<Estimate> {
     let mut sources = vec!["library_color.jpg".into()];
     sources.extend(matches!(input, Input::MeasuredDepth(_)).then(|| "library_lidar_depth.png".into()));
     let options = EstimateOptions { sources, ..EstimateOptions::default() };
-    Ok(estimator.estimate(input, &options, &mut |event| stages.hear(event))?)
+    Ok(estimator.estimate(input, &options, &mut |event| stages.handle(event))?)
 }
 
-/// The object that the program carries, of a preset material.
+/// Reads the bundled object and gives it a preset material.
 pub fn model(material: &str) -> anyhow::Result<PreparedModel> {
-    let mut model = lightoctree::builtin_model("suzanne").context("the library carries Suzanne")??;
+    let mut model = lightoctree::builtin_model("suzanne").context("the library contains the model `suzanne`")??;
     model.override_material(&MaterialSpec::parse(material)?, Path::new("."))?;
     Ok(PreparedModel::new(model))
 }
@@ -176,8 +176,8 @@ fn insert_objects(
     let inserter = stages.stage("prepare light", || Inserter::new(scene, Lighting::Octree, Quality::Normal))?;
     for material in ["gold", "chrome", "matte-white"] {
         let object = model(material)?;
-        let composite = stages.stage(&format!("insert, {material}"), || {
-            inserter.render(&[Instance::new(&object, place)], &mut |_| interrupt::go_on())
+        let composite = stages.stage(&format!("insert {material} object"), || {
+            inserter.render(&[Instance::new(&object, place)], &mut |_| interrupt::control_flow())
         })?;
         let file = out.join(format!("object_{}.png", material.replace('-', "_")));
         imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
@@ -186,22 +186,22 @@ fn insert_objects(
     let stance = PathPlacement { scale, base: Some(&object_base), ..PathPlacement::default() };
     let placements = insert::Path::from_json(PATH)?.placements(scene, &stance, FRAMES)?;
     let draft = stages.stage("prepare light for drafts", || Inserter::new(scene, Lighting::Octree, Quality::Draft))?;
-    let begun = Instant::now();
+    let start = Instant::now();
     let folder = out.join("moving");
     std::fs::create_dir_all(&folder)?;
     let progress = bar(global.quiet, FRAMES, "moving object");
     for (i, placement) in placements.iter().enumerate() {
-        if interrupt::asked() {
-            anyhow::bail!("stopped after {i} of {FRAMES} frames; what is written in {} is whole", out.display());
+        if interrupt::requested() {
+            anyhow::bail!("stopped after {i} of {FRAMES} frames; the files in {} are complete", out.display());
         }
-        let composite = draft.render(&[Instance::new(&gold, *placement)], &mut |_| interrupt::go_on())?;
+        let composite = draft.render(&[Instance::new(&gold, *placement)], &mut |_| interrupt::control_flow())?;
         let file = folder.join(format!("frame_{i:02}.jpg"));
         imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
         files.push(file);
         progress.inc(1);
     }
     progress.finish_and_clear();
-    stages.note(&format!("{:.1} frames a second of the moving object", FRAMES as f64 / begun.elapsed().as_secs_f64()));
+    stages.note(&format!("moving object: {:.1} frames per second", FRAMES as f64 / start.elapsed().as_secs_f64()));
     Ok(files)
 }
 
@@ -221,8 +221,8 @@ fn finish(args: &Args, files: &[PathBuf], stages: &Stages) -> anyhow::Result<()>
             ]
         })
         .collect();
-    report::print(&report::table(&["written", "size"], &sizes));
+    report::print(&report::table(&["file", "size"], &sizes));
     report::print(&format!("{}  {FRAMES} frames of the moving object", args.out.join("moving").display()));
-    report::print(&format!("all in {}", seconds(stages.total())));
+    report::print(&format!("finished in {}", seconds(stages.total())));
     Ok(())
 }

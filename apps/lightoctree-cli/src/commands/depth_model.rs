@@ -1,4 +1,4 @@
-//! `--depth-model`: depth by a network that the user brings.
+//! `--depth-model`: predicts depth with a third-party network.
 
 use std::path::{Path, PathBuf};
 
@@ -8,28 +8,31 @@ use lightoctree::depth_models::{DepthModel, ModelConfig, ModelError};
 use crate::progress::Stages;
 use crate::usage::Usage;
 
-/// Options of a depth model.
+/// Options of a third-party depth model.
 #[derive(Clone, Debug, clap::Args)]
 pub struct DepthModelArgs {
-    /// Depth by this network, an ONNX file: MoGe-2, Depth Anything V2 or Metric3D v2 as published, others with --depth-model-config
+    /// Depth network in an ONNX file: MoGe-2, Depth Anything V2 or Metric3D v2 as published, others with
+    /// --depth-model-config
     ///
-    /// MoGe-2 tells the field of view too, where neither EXIF nor an option does, and MoGe-2 and Metric3D v2 tell normals. Relative depth (Depth Anything
-    /// V2's small, base and large) is brought to the metres of the program's own depth network.
+    /// MoGe-2 also predicts the field of view, used unless EXIF or an option gives it; MoGe-2 and Metric3D v2 predict
+    /// normals. Relative depth (Depth Anything V2 small, base and large) is fitted to the metric depth of the built-in
+    /// network.
     #[arg(long, value_name = "FILE", conflicts_with = "depth")]
     depth_model: Option<PathBuf>,
 
-    /// What the network takes and gives, a TOML file; a network that is not known says what belongs in it
+    /// TOML file that describes the network's input and output; without it, an error prints a template for unknown
+    /// networks
     #[arg(long, value_name = "FILE", requires = "depth_model")]
     depth_model_config: Option<PathBuf>,
 }
 
 impl DepthModelArgs {
-    /// The file.
+    /// Path of the ONNX file, if one is given.
     pub fn path(&self) -> Option<&Path> {
         self.depth_model.as_deref()
     }
 
-    /// Reads the model, where there is one, and says which it is.
+    /// Reads the model, if one is given, and reports its name.
     pub fn read(&self, stages: &mut Stages) -> anyhow::Result<Option<DepthModel>> {
         let Some(path) = self.path() else { return Ok(None) };
         let model = stages.stage("read depth model", || self.model(path))?;
@@ -37,7 +40,7 @@ impl DepthModelArgs {
         Ok(Some(model))
     }
 
-    /// The model of a file.
+    /// Reads the model of a file.
     pub fn model(&self, path: &Path) -> anyhow::Result<DepthModel> {
         let config = self.depth_model_config.as_deref();
         let read = |config: &Path| {
@@ -45,9 +48,11 @@ impl DepthModelArgs {
         };
         let config = config.map(read).transpose()?;
         DepthModel::read(path, config.as_ref()).map_err(|error| match error {
-            ModelError::Unknown { .. } => {
-                Usage(format!("--depth-model {}: {error}\nas --depth-model-config FILE.toml", path.display())).into()
-            }
+            ModelError::Unknown { .. } => Usage(format!(
+                "--depth-model {}: {error}\nand give it as --depth-model-config FILE.toml",
+                path.display()
+            ))
+            .into(),
             error @ ModelError::Read { .. } => anyhow::Error::from(error),
             error => anyhow::Error::from(error).context(format!("--depth-model {}", path.display())),
         })

@@ -1,4 +1,4 @@
-//! What `envmap` and `probes` share, rendering a panorama, and both with `unwrap`: writing it.
+//! Renders panoramas for `envmap`, `probes` and `export`, and writes them, also for `unwrap`.
 
 use std::path::Path;
 
@@ -8,11 +8,11 @@ use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage, ToneCurve};
 use lightoctree::{LitScene, SceneRenderer};
 
-use super::level::{Level, LevelArgs};
+use super::level::{LevelArgs, OutputFrame};
 use crate::choice::{Choice, choice, name_of};
 use crate::output::signature;
 
-/// Conventions of programs for equirectangular maps.
+/// Orientations of equirectangular maps, named after programs that use them.
 pub static ORIENTATIONS: [Choice<Orientation>; 4] = [
     ("lightoctree", Orientation::Lightoctree, "Centre −Z, +X right (also skylibs)"),
     ("openexr", Orientation::Openexr, "OpenEXR latitude-longitude, Mitsuba, USD dome light"),
@@ -20,41 +20,41 @@ pub static ORIENTATIONS: [Choice<Orientation>; 4] = [
     ("blender", Orientation::Blender, "Blender Cycles"),
 ];
 
-/// Tone curves of previews.
+/// Tone curves for previews.
 static TONE_CURVES: [Choice<ToneCurve>; 3] = [
-    ("clip", ToneCurve::Clip, "Clipped at the photo's white"),
-    ("reinhard", ToneCurve::Reinhard, "Reinhard, white two stops above"),
+    ("clip", ToneCurve::Clip, "Clip at the photo's white"),
+    ("reinhard", ToneCurve::Reinhard, "Reinhard with white two stops above the photo's"),
     ("aces", ToneCurve::Aces, "ACES fit"),
 ];
 
-/// Options of the panorama itself.
+/// Options of a rendered panorama.
 #[derive(Clone, Debug, clap::Args)]
 pub struct PanoramaArgs {
-    /// Width and height; equirectangular maps are twice as wide as high
+    /// Width and height in pixels; the width is twice the height
     #[arg(long, value_name = "WxH", default_value = "512x256", value_parser = super::parse::size)]
     pub size: [usize; 2],
 
-    /// The frame.
+    /// Frame of the output.
     #[command(flatten)]
-    pub level: LevelArgs,
+    pub frame: LevelArgs,
 
-    /// The file.
+    /// Format of the file.
     #[command(flatten)]
     pub file: PanoramaFileArgs,
 }
 
-/// How a panorama is written.
+/// Options of writing a panorama.
 #[derive(Clone, Debug, clap::Args)]
 pub struct PanoramaFileArgs {
-    /// Which program's convention the map follows
+    /// Orientation of the map, named after a program that uses it
     #[arg(long, value_name = "NAME", default_value = "lightoctree", value_parser = choice(&ORIENTATIONS))]
     pub orientation: Orientation,
 
-    /// Write EXR as 16-bit half instead of 32-bit float
+    /// Write EXR with 16-bit half floats instead of 32-bit floats
     #[arg(long)]
     pub half: bool,
 
-    /// Also write a tone-mapped PNG beside the panorama
+    /// Also write a tone-mapped PNG next to the output file
     #[arg(long)]
     pub preview: bool,
 
@@ -62,46 +62,51 @@ pub struct PanoramaFileArgs {
     #[arg(long, value_name = "CURVE", default_value = "reinhard", requires = "preview", value_parser = choice(&TONE_CURVES))]
     pub tone: ToneCurve,
 
-    /// Exposure of the preview in stops
+    /// Exposure of the preview, in stops
     #[arg(long, value_name = "EV", default_value_t = 0.0, requires = "preview", allow_hyphen_values = true)]
     pub preview_ev: f32,
 }
 
-/// The scene, made ready for panoramas.
-pub struct Renderer {
-    viewers: SceneRenderer,
+/// Renders panoramas of one size.
+pub struct PanoramaRenderer {
+    scene: SceneRenderer,
     height: usize,
 }
 
-impl Renderer {
+impl PanoramaRenderer {
+    /// Prepares a scene for panoramas of `size` pixels.
+    ///
     /// # Errors
-    /// A size that is no equirectangular map's.
+    /// The width is not twice the height.
     pub fn new(scene: &LitScene, size: [usize; 2]) -> anyhow::Result<Self> {
-        Ok(Self { viewers: SceneRenderer::new(scene), height: height(size)? })
+        Ok(Self { scene: SceneRenderer::new(scene), height: height(size)? })
     }
 
-    /// Adds the photo's detail where nothing was seen.
+    /// Adds texture synthesized from the photo to unobserved surfaces.
     pub fn with_detail(self, scene: &LitScene) -> Self {
-        Self { viewers: self.viewers.with_detail(scene), ..self }
+        Self { scene: self.scene.with_detail(scene), ..self }
     }
 
-    /// The panorama at `point`, in our own orientation.
+    /// Renders the panorama at `point`, in metres in the camera's frame, with [`Orientation::Lightoctree`].
     pub fn at(&self, point: Vec3) -> Rendering {
-        self.viewers.panorama(point, 2 * self.height, self.height)
+        self.scene.panorama(point, 2 * self.height, self.height)
     }
 }
 
-/// Of an equirectangular map of this width and height.
+/// Returns the height of an equirectangular map.
+///
+/// # Errors
+/// The width is not twice the height.
 pub fn height([width, height]: [usize; 2]) -> anyhow::Result<usize> {
     if width != 2 * height {
-        let text = format!("--size {width}x{height}: an equirectangular map is twice as wide as high");
+        let text = format!("--size {width}x{height}: the width of an equirectangular map must be twice its height");
         return Err(crate::usage::Usage(text).into());
     }
     Ok(height)
 }
 
-/// Whether a point lies inside of a surface's leaf or outside of the cube; both give a panorama, but hardly the one wanted.
-pub fn odd_place(scene: &LitScene, point: Vec3) -> Option<&'static str> {
+/// Describes a position at which a panorama is rarely useful: inside a surface's leaf, or outside the cube.
+pub fn unusual_position(scene: &LitScene, point: Vec3) -> Option<&'static str> {
     let light = &scene.light;
     if !light.cube.contains(point) {
         return Some("outside of the octree's cube");
@@ -110,12 +115,13 @@ pub fn odd_place(scene: &LitScene, point: Vec3) -> Option<&'static str> {
     light.octree.levels()[depth as usize].rows[node].ge(&0).then_some("inside of a surface")
 }
 
-/// Writes the panorama of a command in the wanted orientation and, on request, its preview. `at` is where in the scene it was made, and
-/// in which frame.
+/// Writes the panorama of a command with the requested orientation and, if requested, its preview.
+///
+/// `at` is the position at which it was rendered, and the frame of the output.
 pub fn write(
     path: &Path,
     radiance: &RadianceImage,
-    at: Option<(Vec3, &Level)>,
+    at: Option<(Vec3, &OutputFrame)>,
     args: &PanoramaFileArgs,
     command: &str,
 ) -> anyhow::Result<()> {
@@ -127,17 +133,17 @@ pub fn write(
     Ok(())
 }
 
-/// Attributes of an EXR environment map.
+/// Returns the attributes of an EXR environment map.
 pub fn exr_options(
     args: &PanoramaFileArgs,
-    at: Option<(Vec3, &Level)>,
+    at: Option<(Vec3, &OutputFrame)>,
     layout: EnvironmentLayout,
     command: &str,
 ) -> ExrOptions {
-    let place = at.into_iter().flat_map(|(at, level)| {
-        let at = level.point(at);
+    let position = at.into_iter().flat_map(|(at, frame)| {
+        let at = frame.point(at);
         let position = ("lightoctree.position_m".into(), format!("{} {} {}", at.x, at.y, at.z));
-        level.metadata().into_iter().chain([position])
+        frame.metadata().into_iter().chain([position])
     });
     let orientation = name_of(&ORIENTATIONS, args.orientation).to_owned();
     let others = [
@@ -148,24 +154,24 @@ pub fn exr_options(
         generator: signature(command),
         half: args.half,
         environment: Some(layout),
-        metadata: place.chain(others).collect(),
+        metadata: position.chain(others).collect(),
         ..ExrOptions::default()
     }
 }
 
-/// `room.exr` → `room.png`.
+/// Returns the path of a preview: `room.exr` → `room.png`.
 pub fn preview_path(path: &Path) -> std::path::PathBuf {
     path.with_extension("png")
 }
 
-/// Writes a value as readable JSON that names this program.
+/// Writes an object as indented JSON with the signature of a command.
 pub fn write_json(path: &Path, command: &str, value: serde_json::Value) -> anyhow::Result<()> {
     let text = format!("{:#}", signed(command, value));
     imaging::write_atomically(path, |out| std::io::Write::write_all(out, text.as_bytes()))
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// An object that names the command that made it.
+/// Adds the signature of a command to an object, as its first field `generator`.
 pub fn signed(command: &str, value: serde_json::Value) -> serde_json::Value {
     let mut object = serde_json::Map::new();
     object.insert("generator".into(), signature(command).into());

@@ -1,4 +1,4 @@
-//! `lightoctree envmap SCENE`: the HDR panorama at a point.
+//! `lightoctree envmap SCENE`: renders the HDR environment map at a point.
 
 use std::path::PathBuf;
 
@@ -9,8 +9,8 @@ use lightoctree::imaging::{self, EnvironmentLayout, RadianceImage};
 use lightoctree::insert;
 use serde_json::json;
 
-use super::environment::{self, PanoramaArgs, Renderer};
-use super::level::Level;
+use super::environment::{self, PanoramaArgs, PanoramaRenderer};
+use super::level::OutputFrame;
 use super::light::LightArgs;
 use super::parse;
 use crate::args::{Global, OutputArgs};
@@ -25,50 +25,52 @@ use crate::{output, report};
     lightoctree envmap room.scene --pixel 960,1100 --lift 0.2 --orientation blender --sh9 sh.json --main-light sun.json -o light.hdr\n  \
     lightoctree envmap room.scene --pixel 960,1100 --level -o light.exr")]
 #[command(group(clap::ArgGroup::new("place").required(true).args(["at", "pixel"])))]
-#[command(mut_arg("output", |output| output.help("The panorama to write: .exr, .hdr or .pfm")))]
+#[command(mut_arg("output", |output| output.help("Environment map to write: .exr, .hdr or .pfm")))]
 pub struct Args {
-    /// A scene file
+    /// Scene file
     scene: PathBuf,
 
-    /// Where, in metres: +X right, +Y up, the camera at 0,0,0 looks along -Z
+    /// Position in metres: +X right, +Y up, the camera at 0,0,0 looks along -Z
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
     at: Option<Vec3>,
 
     #[command(flatten)]
     light: LightArgs,
 
-    /// Light that surfaces reflect alone, without lamps, windows and added lights: for who relights the scene by lights
+    /// Render only reflected light, without lamps, windows and added lights, to relight the scene with your own lights
     #[arg(long, conflicts_with_all = ["light", "lamp", "no_lamp", "contrast", "warmth", "white"])]
     without_emitters: bool,
 
-    /// Continue the photo's texture where nothing was seen; --sh9 and --main-light do not change
+    /// Add texture from the photo to unobserved surfaces; does not affect --sh9 and --main-light
     #[arg(long)]
     detail: bool,
 
-    /// Above the surface seen at this pixel of the photo
+    /// Position above the surface at this pixel of the photo; see --lift
     #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
     pixel: Option<[f64; 2]>,
 
-    /// How far off that surface, in metres
+    /// Distance from the surface at --pixel, in metres
     #[arg(long, value_name = "METRES", default_value_t = 0.1, value_parser = parse::positive, conflicts_with = "at")]
     lift: f64,
 
     #[command(flatten)]
     panorama: PanoramaArgs,
 
-    /// Write a cubemap (six faces of H/2 pixels, one above the other in OpenEXR's order) instead of an equirectangular map
+    /// Write a cubemap instead of an equirectangular map: six faces of H/2 pixels, stacked in OpenEXR's order
     #[arg(long)]
     cubemap: bool,
 
-    /// Also write the distance in metres of everything seen: EXR, PFM, NPY or PNG (millimetres)
+    /// Also write distances: .exr, .pfm or .npy in metres, or .png in millimetres
     #[arg(long, value_name = "FILE")]
     depth_out: Option<PathBuf>,
 
-    /// Also write nine spherical-harmonics coefficients per channel, in our frame or the level one
+    /// Also write nine spherical-harmonics coefficients per channel, in the camera's frame or, with --level, the level
+    /// one
     #[arg(long, value_name = "FILE.json")]
     sh9: Option<PathBuf>,
 
-    /// Also write direction, solid angle, colour and power of the main light, in the axes of --orientation's program
+    /// Also write direction, solid angle, colour and power of the main light, in the axes of the program of
+    /// --orientation
     #[arg(long, value_name = "FILE.json")]
     main_light: Option<PathBuf>,
 
@@ -78,7 +80,7 @@ pub struct Args {
 
 const COMMAND: &str = "envmap";
 
-/// Renders and writes.
+/// Renders the environment map and writes it.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let preview = args.panorama.file.preview.then(|| environment::preview_path(&args.out.output));
     let outputs = [
@@ -102,24 +104,24 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             let (point, normal) = insert::surface_at_pixel(&scene, u, v)?;
             point + normal * args.lift as f32
         }
-        (None, None) => return Err(Usage("give --at X,Y,Z or --pixel U,V".into()).into()),
+        (None, None) => return Err(Usage("give the position with --at X,Y,Z or --pixel U,V".into()).into()),
     };
-    if let Some(odd) = environment::odd_place(&scene, at) {
-        stages.note(&format!("({}, {}, {}) lies {odd}", at.x, at.y, at.z));
+    if let Some(position) = environment::unusual_position(&scene, at) {
+        stages.note(&format!("({}, {}, {}) is {position}", at.x, at.y, at.z));
     }
-    let level = Level::new(&scene, args.panorama.level)?;
+    let frame = OutputFrame::new(&scene, args.panorama.frame)?;
     let height = environment::height(args.panorama.size)?;
-    let rendered = level.height(height);
-    let renderer = Renderer::new(&scene, [2 * rendered, rendered])?;
-    let panorama = stages.stage("panorama", || level.panorama(renderer.at(at), height));
+    let rendered_height = frame.rendered_height(height);
+    let renderer = PanoramaRenderer::new(&scene, [2 * rendered_height, rendered_height])?;
+    let panorama = stages.stage("panorama", || frame.panorama(renderer.at(at), height));
     let detailed = args
         .detail
-        .then(|| stages.stage("detail", || level.panorama(renderer.with_detail(&scene).at(at), height).radiance));
-    stages.stage("write", || write(args, at, &level, &panorama, detailed.as_ref().unwrap_or(&panorama.radiance)))?;
+        .then(|| stages.stage("detail", || frame.panorama(renderer.with_detail(&scene).at(at), height).radiance));
+    stages.stage("write", || write(args, at, &frame, &panorama, detailed.as_ref().unwrap_or(&panorama.radiance)))?;
     if args.out.json {
         return report::print_json(&json!({
-            "position_m": level.point(at).to_array(),
-            "camera": level.camera(),
+            "position_m": frame.point(at).to_array(),
+            "camera": frame.camera(),
             "files": outputs,
             "seconds": stages.timings(),
         }));
@@ -128,24 +130,34 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// `shown` is the picture to write; figures are the panorama's.
-fn write(args: &Args, at: Vec3, level: &Level, panorama: &Rendering, shown: &RadianceImage) -> anyhow::Result<()> {
+/// Writes `shown` as the environment map. Distances, coefficients and the main light are those of `panorama`.
+fn write(
+    args: &Args,
+    at: Vec3,
+    frame: &OutputFrame,
+    panorama: &Rendering,
+    shown: &RadianceImage,
+) -> anyhow::Result<()> {
     if args.cubemap {
         let turned = imaging::reorient(shown, Orientation::Lightoctree, args.panorama.file.orientation);
         let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
         let options =
-            environment::exr_options(&args.panorama.file, Some((at, level)), EnvironmentLayout::Cube, COMMAND);
+            environment::exr_options(&args.panorama.file, Some((at, frame)), EnvironmentLayout::Cube, COMMAND);
         imaging::write_radiance(&args.out.output, &cube.strip(), &options)?;
     } else {
-        environment::write(&args.out.output, shown, Some((at, level)), &args.panorama.file, COMMAND)?;
+        environment::write(&args.out.output, shown, Some((at, frame)), &args.panorama.file, COMMAND)?;
     }
     if let Some(path) = &args.depth_out {
         imaging::write_depth(path, &panorama.distance_m, &output::signature(COMMAND))?;
     }
-    let place = level.point(at).to_array();
+    let position_m = frame.point(at).to_array();
     if let Some(path) = &args.sh9 {
         let sh = imaging::Sh9::project(&panorama.radiance);
-        environment::write_json(path, COMMAND, json!({ "position_m": place, "camera": level.camera(), "sh9": sh }))?;
+        environment::write_json(
+            path,
+            COMMAND,
+            json!({ "position_m": position_m, "camera": frame.camera(), "sh9": sh }),
+        )?;
     }
     if let Some(path) = &args.main_light {
         let orientation = args.panorama.file.orientation;
@@ -154,7 +166,7 @@ fn write(args: &Args, at: Vec3, level: &Level, panorama: &Rendering, shown: &Rad
             light.direction = (orientation.program_from_world() * Vec3::from(light.direction)).to_array();
         }
         let value = json!({
-            "position_m": place, "camera": level.camera(), "axes": orientation.axes(), "main_light": light,
+            "position_m": position_m, "camera": frame.camera(), "axes": orientation.axes(), "main_light": light,
         });
         environment::write_json(path, COMMAND, value)?;
     }

@@ -1,4 +1,4 @@
-//! `lightoctree estimate PHOTO`: photo, with or without depth, or several photos of a room with depth → scene file.
+//! `lightoctree estimate PHOTO…`: estimates a scene from a photo, or from several photos of a room with depth.
 
 use std::path::{Path, PathBuf};
 
@@ -36,23 +36,26 @@ use crate::{output, report};
     lightoctree estimate photo.jpg --panorama theta.hdr --panorama-at 0.4,0.1,-1.5 -o room.scene\n  \
     lightoctree estimate a.jpg b.jpg c.jpg --depth a.png b.png c.png --poses poses.json -o room.scene\n  \
     lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
-#[command(mut_arg("output", |output| output.help("The scene file to write").value_name("SCENE")))]
+#[command(mut_arg("output", |output| output.help("Scene file to write").value_name("SCENE")))]
 pub struct Args {
-    /// The photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear); or several of one room, with --depth and --poses
+    /// Photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear); or several of one room, with --depth
+    /// and --poses
     #[arg(required_unless_present = "depth")]
     photo: Vec<PathBuf>,
 
-    /// Depth of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by the network]
+    /// Depth map of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by
+    /// the built-in network]
     ///
-    /// From a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or, with --depth-is predicted, from another program that
-    /// estimates depth in metres (Depth Anything, Depth Pro, MoGe, UniDepth). Of several photos: one file for each, in their order.
+    /// It comes from a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or, with --depth-is
+    /// predicted, from a program that predicts metric depth (Depth Anything, Depth Pro, MoGe, UniDepth). For several
+    /// photos, give one file per photo in the same order.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     depth: Vec<PathBuf>,
 
     #[command(flatten)]
     photos: PhotosArgs,
 
-    /// Where the depth file comes from
+    /// Origin of the depth map
     #[arg(long, value_name = "SOURCE", default_value = "measured", requires = "depth")]
     depth_is: DepthArg,
 
@@ -60,33 +63,34 @@ pub struct Args {
     #[command(flatten)]
     depth_model: DepthModelArgs,
 
-    /// What one metre is in an integer depth file [default: 1000, millimetres]
+    /// Units per metre of an integer depth map [default: 1000, millimetres]
     #[arg(long, value_name = "UNITS_PER_METRE", requires = "depth", value_parser = parse::positive)]
     depth_scale: Option<f64>,
 
-    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else guessed from the photo]
+    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else estimated from the photo]
     #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, conflicts_with = "hfov_deg")]
     intrinsics: Option<[f64; 4]>,
 
-    /// Horizontal field of view in degrees, instead of intrinsics
+    /// Horizontal field of view in degrees, instead of --intrinsics
     #[arg(long, value_name = "A")]
     hfov_deg: Option<f64>,
 
-    /// Depth of the octree: 7 gives leaves of 1/128 of the cube [default: 7]
+    /// Depth of the octree, 5 to 9; leaves at depth 7 are 1/128 of the cube [default: 7]
     ///
-    /// Networks make octrees of a depth of their own (that of the program 6): what the photo shows is finer than that, what it does not is not.
+    /// Only observed regions reach this depth. In inferred regions the depth is that of the light network, 6 for the
+    /// built-in one.
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(5..=9))]
     octree_depth: Option<u32>,
 
-    /// How the unseen part of the room is filled [default: network]
+    /// Method to complete unobserved regions of the room [default: network]
     #[arg(long, value_name = "HOW", value_parser = choice(&COMPLETIONS))]
     completion: Option<Completion>,
 
-    /// Trained weights of the networks [default: those of the program]
+    /// File with trained weights of the networks [default: the built-in weights]
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
 
-    /// The scene's upward direction [default: from the surfaces; where depth is predicted, guessed from the photo]
+    /// Up direction in the camera's frame [default: from the surfaces; if depth is predicted, estimated from the photo]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
     up: Option<Vec3>,
 
@@ -97,25 +101,26 @@ pub struct Args {
     out: OutputArgs,
 }
 
-/// Where a depth file comes from.
+/// Origin of a depth map.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum DepthArg {
-    /// A sensor: it is believed as it is
+    /// Sensor: used without correction
     Measured,
-    /// Another program's network: which way is up is guessed from the photo, and objects are hidden only by what is well before them
+    /// Network of another program: the up direction is estimated from the photo, and only surfaces well in front of an
+    /// object hide it
     Predicted,
 }
 
-/// How unobserved regions are completed.
+/// Methods to complete unobserved regions.
 static COMPLETIONS: [Choice<Completion>; 3] = [
-    ("network", Completion::Network, "By the light network"),
-    ("shell", Completion::Shell, "By planes fitted to the observed surfaces, with extrapolated radiance"),
-    ("none", Completion::None, "Not at all: only observed radiance"),
+    ("network", Completion::Network, "Light network"),
+    ("shell", Completion::Shell, "Planes fitted to the observed surfaces, with extrapolated radiance"),
+    ("none", Completion::None, "No completion: only observed radiance"),
 ];
 
 const COMMAND: &str = "estimate";
 
-/// Reads, estimates, writes.
+/// Reads the photos, estimates the scene and writes it.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
@@ -123,15 +128,15 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     #[cfg(feature = "depth-models")]
     let model = args.depth_model.read(&mut stages)?;
     #[cfg(feature = "depth-models")]
-    let metric = model.as_ref().is_some_and(DepthModel::is_metric);
+    let is_metric = model.as_ref().is_some_and(DepthModel::is_metric);
     #[cfg(not(feature = "depth-models"))]
-    let metric = false;
-    let estimator = estimator(args, metric, &mut stages)?;
+    let is_metric = false;
+    let estimator = estimator(args, is_metric, &mut stages)?;
     let panorama = args.panorama.read(&mut stages)?;
     let mut options = options(global, args, [photos, depths], panorama);
     let input = match (photos, depths) {
         ([path], depths @ ([] | [_])) => {
-            args.photos.unused()?;
+            args.photos.check_unused()?;
             let depth = depths.first();
             #[cfg(feature = "depth-models")]
             let depth = model.map_or(Depth::File(depth), |model| Depth::Model(Box::new(model)));
@@ -145,35 +150,38 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             if matches!(args.depth_is, DepthArg::Predicted) {
                 return Err(Usage(photos::PREDICTED.into()).into());
             }
-            let given = |photo: &imaging::PhotoFile| given_camera(args, photo);
-            let several = args.photos.read(photos, depths, args.depth_scale, given, &mut stages)?;
-            options.up = options.up.or(several.up);
-            several.input
+            let given_camera = |photo: &imaging::PhotoFile| given_camera(args, photo);
+            let photos = args.photos.read(photos, depths, args.depth_scale, given_camera, &mut stages)?;
+            options.up = options.up.or(photos.up);
+            photos.input
         }
     };
-    let scene = estimator.estimate(input, &options, &mut |event| stages.hear(event)).map_err(|error| match error {
-        EstimateError::OctreeDepth { .. } => {
-            Usage(format!("--octree-depth: {error}; leave it out, or choose another --completion")).into()
-        }
-        EstimateError::PanoramaWithoutRoom => Usage(format!("--panorama: {error}; choose another --completion")).into(),
-        error => anyhow::Error::from(error),
-    })?;
-    if let Some(laid) = &scene.panorama {
-        stages.note(&panorama_prior::found(&laid.source));
+    let scene =
+        estimator.estimate(input, &options, &mut |event| stages.handle(event)).map_err(|error| match error {
+            EstimateError::OctreeDepth { .. } => {
+                Usage(format!("--octree-depth: {error}; omit it or choose another --completion")).into()
+            }
+            EstimateError::PanoramaWithoutRoom => {
+                Usage(format!("--panorama: {error}; choose another --completion")).into()
+            }
+            error => anyhow::Error::from(error),
+        })?;
+    if let Some(panorama) = &scene.panorama {
+        stages.note(&panorama_prior::description(&panorama.source));
     }
     let document = Document::new(scene);
     stages.stage("write", || document.write(&args.out.output, &output::signature(COMMAND)))?;
-    say(args, &document.estimate, &stages)
+    print_result(args, &document.estimate, &stages)
 }
 
-/// What a photo's depth is read from.
+/// Source of a photo's depth.
 enum Depth<'a> {
     File(Option<&'a PathBuf>),
     #[cfg(feature = "depth-models")]
     Model(Box<DepthModel>),
 }
 
-/// A photo with its camera and depth.
+/// Reads a photo and its depth, and resolves its camera.
 fn photo(
     args: &Args,
     path: &Path,
@@ -182,7 +190,7 @@ fn photo(
     stages: &mut Stages,
 ) -> anyhow::Result<ResolvedPhoto> {
     let photo = stages.stage("read photo", || imaging::read_photo(path))?;
-    let stated = given_camera(args, &photo)?;
+    let given = given_camera(args, &photo)?;
     let mut files = path.display().to_string();
     let depth = match depth {
         Depth::File(None) => DepthSource::Network,
@@ -197,28 +205,28 @@ fn photo(
         #[cfg(feature = "depth-models")]
         Depth::Model(model) => DepthSource::Model(model),
     };
-    let request = PhotoRequest { photo, camera: stated.map(|(camera, _)| camera), depth };
-    let resolved = estimator.resolve(request, &mut |event| stages.hear(event)).map_err(|error| match error {
+    let request = PhotoRequest { photo, camera: given.map(|(camera, _)| camera), depth };
+    let resolved = estimator.resolve(request, &mut |event| stages.handle(event)).map_err(|error| match error {
         EstimateError::Frame(error) => anyhow::Error::from(error).context(format!("{files} cannot be used together")),
         error => error.into(),
     })?;
-    let source =
-        stated.map(|(_, option)| option.to_owned()).or(resolved.camera_source.map(|source| source.to_string()));
+    let source = given.map(|(_, option)| option.to_owned()).or(resolved.camera_source.map(|source| source.to_string()));
     note_camera(&resolved.camera, &source.unwrap_or_default(), stages);
     Ok(resolved)
 }
 
-/// With networks, where depth or completion needs them; `metric` where a depth model gives metres.
-fn estimator(args: &Args, metric: bool, stages: &mut Stages) -> anyhow::Result<Estimator> {
-    let completes = match args.completion {
-        Some(how) => how == Completion::Network,
-        // A program without weights still has what needs none.
+/// Creates an estimator, with networks if depth or completion needs them. `is_metric`: a depth model gives metric
+/// depth.
+fn estimator(args: &Args, is_metric: bool, stages: &mut Stages) -> anyhow::Result<Estimator> {
+    let network_completes = match args.completion {
+        Some(completion) => completion == Completion::Network,
+        // A program without weights can still complete without a network.
         None => cfg!(feature = "weights") || args.weights.is_some(),
     };
-    if !completes && (!args.depth.is_empty() || metric) {
+    if !network_completes && (!args.depth.is_empty() || is_metric) {
         return match args.weights {
             Some(_) => {
-                Err(Usage("with --depth and depth models of metres, --weights belongs to --completion network".into())
+                Err(Usage("--weights has no effect: with given depth, only --completion network uses networks".into())
                     .into())
             }
             None => Ok(Estimator::without_networks()),
@@ -233,8 +241,8 @@ fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2], panorama: Optio
     let model = args.depth_model.path();
     #[cfg(not(feature = "depth-models"))]
     let model = None;
-    let given = files.into_iter().flatten().chain(&args.photos.poses).map(PathBuf::as_path);
-    let sources = given.chain(model).chain(args.panorama.panorama.as_deref()).filter_map(file_name).collect();
+    let inputs = files.into_iter().flatten().chain(&args.photos.poses).map(PathBuf::as_path);
+    let sources = inputs.chain(model).chain(args.panorama.panorama.as_deref()).filter_map(file_name).collect();
     EstimateOptions {
         octree_depth: args.octree_depth,
         completion: args.completion,
@@ -246,7 +254,7 @@ fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2], panorama: Optio
     }
 }
 
-/// The camera by an option, with its name.
+/// Returns the camera given by an option, and the option's name.
 fn given_camera(args: &Args, photo: &imaging::PhotoFile) -> anyhow::Result<Option<(Camera, &'static str)>> {
     let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
     if let Some([fx, fy, cx, cy]) = args.intrinsics {
@@ -259,10 +267,10 @@ fn given_camera(args: &Args, photo: &imaging::PhotoFile) -> anyhow::Result<Optio
 }
 
 fn note_camera(camera: &Camera, source: &str, stages: &mut Stages) {
-    stages.note(&format!("camera of {:.1} degrees across ({source})", camera.hfov_deg()));
+    stages.note(&format!("horizontal field of view {:.1}° ({source})", camera.hfov_deg()));
 }
 
-fn say(args: &Args, scene: &Estimate, stages: &Stages) -> anyhow::Result<()> {
+fn print_result(args: &Args, scene: &Estimate, stages: &Stages) -> anyhow::Result<()> {
     let leaves = scene.light.leaves().count();
     let bytes = std::fs::metadata(&args.out.output).map_or(0, |metadata| metadata.len());
     if args.out.json {
@@ -274,7 +282,7 @@ fn say(args: &Args, scene: &Estimate, stages: &Stages) -> anyhow::Result<()> {
         }));
     }
     report::print(&format!(
-        "{}  {}, {leaves} leaves, the finest of {:.1} cm, in {}",
+        "{}  {}, {leaves} leaves, the smallest {:.1} cm, in {}",
         args.out.output.display(),
         report::bytes(bytes),
         100.0 * scene.light.cube.node_edge_m(scene.light.octree.depth()),

@@ -1,4 +1,4 @@
-//! `lightoctree insert SCENE`: virtual objects in the photo.
+//! `lightoctree insert SCENE`: inserts virtual objects into the photo.
 
 mod objects;
 
@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
 use lightoctree::insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
-use lightoctree::mesh::Material;
+use lightoctree::mesh::{Material, PreparedModel};
 use lightoctree::scene::ObjectDisplay;
-use lightoctree::{Event, LightPurpose, LitScene, Models, Warning};
+use lightoctree::{Document, Estimate, Event, LightPurpose, LitScene, Models, Warning};
 use serde_json::json;
 
 use self::objects::ObjectArgs;
@@ -35,226 +35,374 @@ use crate::{interrupt, output, report};
     lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o frames/car_%04d.png\n  \
     lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o - | ffmpeg -i - \
     -colorspace bt709 -color_trc iec61966-2-1 -color_primaries bt709 -pix_fmt yuv420p car.mp4\n\n\
-    --material NAME|JSON: a name of --list-materials, or an object such as\n  \
+    --material NAME|JSON: a name listed by --list-materials, or an object such as\n  \
     '{\"base_color_texture\":\"cow.png\",\"roughness\":0.4}'")]
 pub struct Args {
-    /// A scene file
+    /// Scene file
     #[arg(required_unless_present = "list_materials")]
     scene: Option<PathBuf>,
 
-    /// The objects.
+    /// Options of the objects.
     #[command(flatten)]
     objects: ObjectArgs,
 
-    /// Print the names of the materials and stop
+    /// Print the names of the materials and exit
     #[arg(long)]
     list_materials: bool,
 
-    /// Number of frames along the paths
+    /// Number of frames along the paths [default: as saved by the viewer with the scene's own objects]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     frames: Option<u32>,
 
-    /// Frames per second of a video [default: 24, or the scene's own with its own objects]
+    /// Frames per second of a video [default: 24, or as saved by the viewer with the scene's own objects]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     fps: Option<u32>,
 
-    /// What lights the objects: `octree`, or `envmap:FILE` (an equirectangular .exr, .hdr or .pfm)
+    /// Light of the objects: `octree`, or `envmap:FILE` with an equirectangular .exr, .hdr or .pfm file
     #[arg(long, value_name = "octree|envmap:FILE", default_value = "octree")]
     lighting: String,
 
-    /// Which program's convention the map of --lighting envmap:FILE follows [default: lightoctree]
+    /// Orientation of the map of --lighting envmap:FILE, named after a program that uses it [default: lightoctree]
     #[arg(long, value_name = "NAME", value_parser = choice(&ORIENTATIONS))]
     orientation: Option<Orientation>,
 
     #[command(flatten)]
     light: LightArgs,
 
-    /// Keep reflections smooth where nothing was seen, instead of continuing the photo's texture
+    /// Do not add texture from the photo to unobserved surfaces in reflections
     #[arg(long)]
     no_detail: bool,
 
-    /// How polished the floor or table under an object is: above 0 it mirrors the objects as a clear coat of roughness 1 - G does [default: 0, or the scene's own with its own
-    /// objects]
+    /// Gloss of the surface under an object, from 0 to 1: above 0 it mirrors the objects like a clear coat of roughness
+    /// 1 - G [default: 0, or as saved by the viewer with the scene's own objects]
     #[arg(long, value_name = "G", value_parser = parse::share)]
     floor_gloss: Option<f64>,
 
-    /// Samples: draft for moving about, high for the final picture
+    /// Rendering quality
     #[arg(long, value_name = "QUALITY", default_value = "normal", value_parser = choice(&QUALITIES))]
     quality: Quality,
 
-    /// Seconds after which a picture of high quality is given up and one of normal quality written, as after a Ctrl-C
+    /// Seconds after which --quality high stops and an image of normal quality is written, as after Ctrl-C [default:
+    /// none]
     #[arg(long, value_name = "S", value_parser = parse::positive, conflicts_with = "frames")]
     time_limit: Option<f64>,
 
-    /// Also write objects, alpha, shadow ratio and occlusion as layers of an EXR (with %04d for a sequence)
+    /// Also write objects, alpha, shadow ratio and occlusion as layers of an EXR file; a sequence requires %04d in the
+    /// name
     #[arg(long, value_name = "FILE.exr")]
     layers: Option<PathBuf>,
 
-    /// The composite to write: .png, .jpg, or .exr, .hdr, .pfm for linear photos; of a sequence also .y4m, or `-` for such a
-    /// video (YUV4MPEG2, 4:4:4, BT.709) on standard output
+    /// Image to write: .png, .jpg, or .exr, .hdr, .pfm for linear photos. A sequence requires %04d in the name, or is
+    /// written as video (YUV4MPEG2, 4:4:4, BT.709) to .y4m or, with `-`, to standard output
     #[arg(long, short, value_name = "FILE", required_unless_present = "list_materials")]
     output: Option<PathBuf>,
 
-    /// Replace existing files, whatever they are
+    /// Overwrite existing files of any origin
     #[arg(long)]
     force: bool,
 
-    /// Print the result as JSON
+    /// Print a summary as JSON
     #[arg(long)]
     json: bool,
 }
 
 /// Quality presets.
 static QUALITIES: [Choice<Quality>; 3] = [
-    ("draft", Quality::Draft, "For moving objects: some frames a second"),
-    ("normal", Quality::Normal, "Some seconds"),
+    ("draft", Quality::Draft, "Drafts: several images per second"),
+    ("normal", Quality::Normal, "Several seconds"),
     ("high", Quality::High, "Final images: up to minutes for large photos"),
 ];
 
 const COMMAND: &str = "insert";
 
-/// Loads, renders, writes.
+/// Reads the objects and the scene, places the objects, applies the light, renders and writes.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if args.list_materials {
         Material::preset_names().for_each(report::print);
         return Ok(());
     }
     let (Some(scene), Some(output)) = (&args.scene, &args.output) else {
-        return Err(Usage("a scene and --output are needed".into()).into());
+        return Err(Usage("SCENE and --output are required".into()).into());
     };
-    let given = args.objects.layout()?;
-    // Without objects on the command line those of the scene are meant.
-    let mut own = None;
-    let (layout, folder) = match given {
-        Some((layout, folder)) => (layout, Some(folder)),
-        None => {
-            let read = super::read_scene(scene)?;
-            let nothing = || {
-                Usage(format!("say what to insert: --mesh or --layout; nothing stands in {} itself", scene.display()))
-            };
-            let layout = read.layout.clone().ok_or_else(nothing)?;
-            own = Some(read);
-            (layout, None)
-        }
-    };
-    let shown = own.as_ref().map(|document| document.shown).unwrap_or_default();
-    let frames = frames(args, &layout, own.as_ref().map(|_| shown))?;
-    let files = output_files(args, output, frames, layout.moves())?;
-    let lighting = lighting(&args.lighting, args.orientation)?;
-    let names: Vec<String> = layout.objects().iter().map(|object| object.name().to_owned()).collect();
+    let Request { layout, source, shown, frames, lighting } = Request::read(args, scene, output)?;
     let mut stages = Stages::new(global.quiet);
-    stages.name_objects(&names);
-    let mut document = match own {
-        Some(document) => document,
-        None => stages.stage("read scene", || super::read_scene(scene))?,
-    };
-    let meshes = if names.len() > 1 { "read meshes" } else { "read mesh" };
-    let models = stages.stage(meshes, || match &folder {
-        Some(folder) => Models::load(&layout, folder),
-        None => document.models(&layout),
-    })?;
-    models.warnings().for_each(|warning| stages.note(&warning.to_string()));
-    let models = models.per_object();
-    let placements =
-        layout.placements(&*document.estimate, &models, files.len()).map_err(|error| of_object(error, &names))?;
-    let instances = |frame: usize| -> Vec<Instance> {
-        models.iter().zip(&placements).map(|(model, places)| Instance::new(model, places[frame])).collect()
-    };
-    if args.time_limit.is_some() && args.quality != Quality::High {
-        return Err(
-            Usage("--time-limit: only a picture of --quality high can be given up for a lesser one".into()).into()
-        );
-    }
-    let quality = args.quality;
-    let middle = placements.iter().map(|places| places[0].position_m).sum::<Vec3>() / placements.len() as f32;
+    stages.name_objects(&names(&layout));
+    let (mut document, models) = read(scene, &layout, source, &mut stages)?;
+    let objects = Objects::place(&layout, &models, &document.estimate, frames.len())?;
     let scene = match lighting {
-        Lighting::Octree => args.light.lit(&mut document, LightPurpose::Objects { at_m: middle }, &mut stages)?,
+        Lighting::Octree => {
+            args.light.lit(&mut document, LightPurpose::Objects { at_m: objects.centre_m() }, &mut stages)?
+        }
         Lighting::EnvironmentMap(_) => LitScene::as_estimated(document.estimate),
     };
     let floor_gloss = args.floor_gloss.map_or(shown.floor_gloss, |gloss| gloss as f32);
-    let inserter = |scene: &LitScene, lighting: Lighting, quality: Quality| -> Result<Inserter, InsertError> {
-        let inserter = Inserter::new(scene, lighting, quality)?.with_floor_gloss(floor_gloss);
-        Ok(if args.no_detail { inserter.without_detail() } else { inserter })
+    let with_detail = !args.no_detail;
+    let light = Light { scene: &scene, lighting, floor_gloss, with_detail };
+    let fallback = match &frames[..] {
+        [_] if args.quality == Quality::High => light.fallback(&objects, args.layers.is_some(), &mut stages)?,
+        _ => None,
     };
-    // What a high picture is replaced by when it is not waited for.
-    let mut lesser = None;
-    if quality == Quality::High && files.len() == 1 {
-        lesser = stages
-            .stage("picture of normal quality", || {
-                let inserter = inserter(&scene, lighting.clone(), Quality::Normal)?;
-                let mut warnings = Vec::new();
-                let hear = &mut |event| {
-                    if let Event::Warning(warning) = event {
-                        warnings.push(warning);
-                    }
-                    interrupt::go_on()
-                };
-                match inserter.render(&instances(0), hear) {
-                    Err(InsertError::Cancelled(_)) => Ok(None),
-                    composite => composite.map(|composite| Some((kept(composite, args.layers.is_some()), warnings))),
-                }
-            })
-            .map_err(|error: InsertError| of_object(error, &names))?;
-    }
-    let inserter = stages.stage("prepare light", || inserter(&scene, lighting, quality))?;
-    let progress = bar(global.quiet || files.len() == 1, files.len(), "frames");
+    let inserter = stages.stage("prepare light", || light.inserter(args.quality))?;
     let size = (scene.frame.photo.width(), scene.frame.photo.height());
-    let mut video =
-        Video::is_asked(output).then(|| Video::create(output, size, args.fps.unwrap_or(shown.fps))).transpose()?;
-    let (mut written, mut frames) = (Vec::new(), 0);
-    // What is the same in all frames is said once.
-    let mut met = Vec::new();
-    for (file, layers) in &files {
-        let first = frames == 0;
-        let hear = &mut |event| match event {
-            _ if args.time_limit.is_some_and(|limit| stages.total().as_secs_f64() > limit) => ControlFlow::Break(()),
-            _ if files.len() == 1 => stages.hear(event),
-            Event::Warning(warning @ Warning::ObjectsIntersect { objects }) if !met.contains(&objects) => {
-                met.push(objects);
-                stages.hear(Event::Warning(warning))
-            }
-            Event::Warning(warning) if first => stages.hear(Event::Warning(warning)),
-            _ => interrupt::go_on(),
-        };
-        let composite = match inserter.render(&instances(frames), hear) {
-            Err(InsertError::Cancelled(_)) => {
-                let Some((lesser, warnings)) = lesser.take() else { break };
-                stages.clear_bar();
-                warnings.iter().for_each(|warning| stages.warn(warning));
-                stages.note("not waited for: this picture is of normal quality");
-                lesser
-            }
-            composite => composite.map_err(|error| of_object(error, &names))?,
-        };
-        match &mut video {
-            Some(video) => video.add(&composite.image)?,
-            None => {
-                imaging::write_photo(file, &composite.image, &output::signature(COMMAND))?;
-                written.push(file.clone());
-            }
-        }
-        if let Some(layers) = layers {
-            write_layers(layers, &composite)?;
-            written.push(layers.clone());
-        }
-        frames += 1;
-        progress.inc(1);
-    }
-    progress.finish_and_clear();
-    if let Some(video) = video {
-        video.finish()?;
+    let fps = args.fps.unwrap_or(shown.fps);
+    let video = Video::is_video(output).then(|| Video::create(output, size, fps)).transpose()?;
+    let job = FrameJob { inserter: &inserter, objects: &objects, frames: &frames, time_limit_s: args.time_limit };
+    let (count, mut written) = job.render_and_write(fallback, video, &mut stages)?;
+    if Video::is_video(output) {
         written.push(output.clone());
     }
     if !video::is_stdout(output) {
-        say(args, &written, &layout, &placements, &stages)?;
+        print_result(args, &written, &layout, &objects.placements, &stages)?;
     }
-    if frames < files.len() {
-        anyhow::bail!("stopped after {frames} of {} frames; the written ones are whole", files.len());
+    if count < frames.len() {
+        anyhow::bail!("stopped after {count} of {} frames; the written files are complete", frames.len());
     }
     Ok(())
 }
 
-fn say(
+/// Everything that the command line asks for, validated before the slow steps.
+struct Request {
+    layout: Layout,
+    source: ObjectSource,
+    /// How the objects are shown, as saved in the scene.
+    shown: ObjectDisplay,
+    frames: Vec<FrameFiles>,
+    lighting: Lighting,
+}
+
+/// Where the objects come from.
+enum ObjectSource {
+    /// The command line or a layout file; mesh paths are relative to this folder.
+    Files(PathBuf),
+    /// The scene, which contains them with their meshes.
+    Scene(Box<Document>),
+}
+
+/// Output files of one frame.
+struct FrameFiles {
+    composite: PathBuf,
+    layers: Option<PathBuf>,
+}
+
+impl Request {
+    fn read(args: &Args, scene: &Path, output: &Path) -> anyhow::Result<Self> {
+        if args.time_limit.is_some() && args.quality != Quality::High {
+            return Err(Usage("--time-limit applies to --quality high only".into()).into());
+        }
+        let (layout, source, saved) = match args.objects.layout()? {
+            Some((layout, folder)) => (layout, ObjectSource::Files(folder), None),
+            None => {
+                let document = super::read_scene(scene)?;
+                let Some(layout) = document.layout.clone() else {
+                    let message =
+                        format!("nothing to insert: give --mesh or --layout; {} has no objects", scene.display());
+                    return Err(Usage(message).into());
+                };
+                let shown = document.shown;
+                (layout, ObjectSource::Scene(Box::new(document)), Some(shown))
+            }
+        };
+        let count = frame_count(args, &layout, saved)?;
+        let frames = frame_files(args, output, count, layout.moves())?;
+        let lighting = lighting(&args.lighting, args.orientation)?;
+        Ok(Self { layout, source, shown: saved.unwrap_or_default(), frames, lighting })
+    }
+}
+
+/// Returns the names of the objects.
+fn names(layout: &Layout) -> Vec<String> {
+    layout.objects().iter().map(|object| object.name().to_owned()).collect()
+}
+
+/// Reads the scene, unless it is read already, and the objects' meshes.
+fn read(
+    scene: &Path,
+    layout: &Layout,
+    source: ObjectSource,
+    stages: &mut Stages,
+) -> anyhow::Result<(Document, Models)> {
+    let (document, folder) = match source {
+        ObjectSource::Files(folder) => (stages.stage("read scene", || super::read_scene(scene))?, Some(folder)),
+        ObjectSource::Scene(document) => (*document, None),
+    };
+    let label = if layout.objects().len() > 1 { "read meshes" } else { "read mesh" };
+    let models = stages.stage(label, || match &folder {
+        Some(folder) => Models::load(layout, folder),
+        None => document.models(layout),
+    })?;
+    models.warnings().for_each(|warning| stages.note(&warning.to_string()));
+    Ok((document, models))
+}
+
+/// The objects at their placements in each frame.
+struct Objects<'a> {
+    names: Vec<String>,
+    models: Vec<&'a PreparedModel>,
+    /// Placement of each object in each frame.
+    placements: Vec<Vec<Placement>>,
+}
+
+impl<'a> Objects<'a> {
+    fn place(layout: &Layout, models: &'a Models, estimate: &Estimate, frames: usize) -> anyhow::Result<Self> {
+        let (names, models) = (names(layout), models.per_object());
+        let placements =
+            layout.placements(estimate, &models, frames).map_err(|error| with_object_name(error, &names))?;
+        Ok(Self { names, models, placements })
+    }
+
+    /// Returns the objects of a frame.
+    fn instances(&self, frame: usize) -> Vec<Instance<'a>> {
+        let placed = self.models.iter().zip(&self.placements);
+        placed.map(|(model, placements)| Instance::new(model, placements[frame])).collect()
+    }
+
+    /// Returns the mean position in the first frame.
+    fn centre_m(&self) -> Vec3 {
+        let positions = self.placements.iter().map(|placements| placements[0].position_m);
+        positions.sum::<Vec3>() / self.placements.len() as f32
+    }
+}
+
+/// Light and surfaces that the objects are rendered with.
+struct Light<'a> {
+    scene: &'a LitScene,
+    lighting: Lighting,
+    floor_gloss: f32,
+    with_detail: bool,
+}
+
+/// A finished image that replaces one that takes too long, with its warnings.
+type Fallback = (Composite, Vec<Warning>);
+
+impl Light<'_> {
+    fn inserter(&self, quality: Quality) -> Result<Inserter, InsertError> {
+        let inserter = Inserter::new(self.scene, self.lighting.clone(), quality)?.with_floor_gloss(self.floor_gloss);
+        Ok(if self.with_detail { inserter } else { inserter.without_detail() })
+    }
+
+    /// Renders the image of normal quality that is written if rendering at high quality is cancelled.
+    ///
+    /// `None` if this is cancelled, too.
+    fn fallback(
+        &self,
+        objects: &Objects<'_>,
+        keep_layers: bool,
+        stages: &mut Stages,
+    ) -> anyhow::Result<Option<Fallback>> {
+        let render = || {
+            let mut warnings = Vec::new();
+            let on_event = &mut |event| {
+                if let Event::Warning(warning) = event {
+                    warnings.push(warning);
+                }
+                interrupt::control_flow()
+            };
+            match self.inserter(Quality::Normal)?.render(&objects.instances(0), on_event) {
+                Err(InsertError::Cancelled(_)) => Ok(None),
+                Ok(composite) if keep_layers => Ok(Some((composite, warnings))),
+                Ok(composite) => Ok(Some((without_layers(composite), warnings))),
+                Err(error) => Err(error),
+            }
+        };
+        stages.stage("image of normal quality", render).map_err(|error| with_object_name(error, &objects.names))
+    }
+}
+
+/// Renders the frames and writes their files.
+struct FrameJob<'a> {
+    inserter: &'a Inserter,
+    objects: &'a Objects<'a>,
+    frames: &'a [FrameFiles],
+    time_limit_s: Option<f64>,
+}
+
+impl FrameJob<'_> {
+    /// Renders the frames and writes each to its files, or to the video.
+    ///
+    /// Returns the number of frames, fewer than all if cancelled, and the files written except the video.
+    fn render_and_write(
+        &self,
+        mut fallback: Option<Fallback>,
+        mut video: Option<Video>,
+        stages: &mut Stages,
+    ) -> anyhow::Result<(usize, Vec<PathBuf>)> {
+        let (mut written, mut count) = (Vec::new(), 0);
+        let mut reported = Reported::default();
+        let progress = bar(stages.is_quiet() || self.frames.len() == 1, self.frames.len(), "frames");
+        for FrameFiles { composite: file, layers } in self.frames {
+            let Some(composite) = self.render(count, &mut fallback, &mut reported, stages)? else { break };
+            match &mut video {
+                Some(video) => video.add(&composite.image)?,
+                None => {
+                    imaging::write_photo(file, &composite.image, &output::signature(COMMAND))?;
+                    written.push(file.clone());
+                }
+            }
+            if let Some(layers) = layers {
+                write_layers(layers, &composite)?;
+                written.push(layers.clone());
+            }
+            count += 1;
+            progress.inc(1);
+        }
+        progress.finish_and_clear();
+        if let Some(video) = video {
+            video.finish()?;
+        }
+        Ok((count, written))
+    }
+
+    /// Renders a frame. If that is cancelled, by Ctrl-C or the time limit, returns the fallback.
+    fn render(
+        &self,
+        frame: usize,
+        fallback: &mut Option<Fallback>,
+        reported: &mut Reported,
+        stages: &mut Stages,
+    ) -> anyhow::Result<Option<Composite>> {
+        let is_single = self.frames.len() == 1;
+        let on_event = &mut |event| match event {
+            _ if self.time_limit_s.is_some_and(|limit_s| stages.total().as_secs_f64() > limit_s) => {
+                ControlFlow::Break(())
+            }
+            _ if is_single => stages.handle(event),
+            Event::Warning(warning) if reported.is_new(&warning, frame) => stages.handle(Event::Warning(warning)),
+            _ => interrupt::control_flow(),
+        };
+        match self.inserter.render(&self.objects.instances(frame), on_event) {
+            Err(InsertError::Cancelled(_)) => {
+                let Some((composite, warnings)) = fallback.take() else { return Ok(None) };
+                stages.clear_bar();
+                warnings.iter().for_each(|warning| stages.warn(warning));
+                stages.note("rendering at high quality was stopped: this image is of normal quality");
+                Ok(Some(composite))
+            }
+            composite => composite.map(Some).map_err(|error| with_object_name(error, &self.objects.names)),
+        }
+    }
+}
+
+/// Warnings of a sequence that were printed, so that they are not repeated for each frame.
+#[derive(Default)]
+struct Reported {
+    /// Pairs of objects that intersect.
+    intersections: Vec<[usize; 2]>,
+}
+
+impl Reported {
+    /// Whether to print a warning: those of the first frame, and each pair of intersecting objects once.
+    fn is_new(&mut self, warning: &Warning, frame: usize) -> bool {
+        match warning {
+            Warning::ObjectsIntersect { objects } if !self.intersections.contains(objects) => {
+                self.intersections.push(*objects);
+                true
+            }
+            _ => frame == 0,
+        }
+    }
+}
+
+fn print_result(
     args: &Args,
     written: &[PathBuf],
     layout: &Layout,
@@ -266,13 +414,14 @@ fn say(
             .objects()
             .iter()
             .zip(placements)
-            .map(|(object, places)| {
-                let positions: Vec<[f32; 3]> = places.iter().map(|place| place.position_m.to_array()).collect();
-                let yaws: Vec<f32> = places.iter().map(|place| place.yaw_rad.to_degrees()).collect();
+            .map(|(object, placements)| {
+                let positions: Vec<[f32; 3]> =
+                    placements.iter().map(|placement| placement.position_m.to_array()).collect();
+                let yaws: Vec<f32> = placements.iter().map(|placement| placement.yaw_rad.to_degrees()).collect();
                 json!({
                     "name": object.name(),
                     "mesh": object.mesh,
-                    "scale": places.first().map(|place| place.scale),
+                    "scale": placements.first().map(|placement| placement.scale),
                     "positions_m": positions,
                     "yaws_deg": yaws,
                 })
@@ -294,38 +443,35 @@ fn say(
     Ok(())
 }
 
-/// A picture that waits, in large photos for minutes: without its layers, where nobody asked for them.
-fn kept(composite: Composite, with_layers: bool) -> Composite {
-    if with_layers {
-        return composite;
-    }
-    let (nothing, none) = (RadianceImage::new(1, 1, vec![[0.0; 3]]), Image::new(1, 1, vec![0.0]));
+/// Replaces the layers of a composite by empty ones, because it is kept in memory for minutes.
+fn without_layers(composite: Composite) -> Composite {
+    let (black, zero) = (RadianceImage::new(1, 1, vec![[0.0; 3]]), Image::new(1, 1, vec![0.0]));
     Composite {
-        object: nothing.clone(),
-        alpha: none.clone(),
-        shadow_ratio: nothing,
+        object: black.clone(),
+        alpha: zero.clone(),
+        shadow_ratio: black,
         reflection: None,
-        occlusion: none,
+        occlusion: zero,
         image: composite.image,
     }
 }
 
-/// Number of pictures.
-fn frames(args: &Args, layout: &Layout, own: Option<ObjectDisplay>) -> anyhow::Result<usize> {
-    // A scene's own objects bring theirs.
-    let own = own.zip(layout.span_s()?).map(|(shown, span_s)| shown.frames_between(span_s));
-    match (args.frames.or(own), layout.objects().iter().find(|object| object.path.is_some())) {
+/// Determines the number of frames; `saved` is how the scene's own objects are shown.
+fn frame_count(args: &Args, layout: &Layout, saved: Option<ObjectDisplay>) -> anyhow::Result<usize> {
+    let saved = saved.zip(layout.span_s()?).map(|(shown, span_s)| shown.frames_between(span_s));
+    match (args.frames.or(saved), layout.objects().iter().find(|object| object.path.is_some())) {
         (Some(frames), Some(_)) => Ok(frames as usize),
         (None, None) => Ok(1),
         (None, Some(moving)) => {
-            Err(Usage(format!("{} moves along a path: --frames N says in how many pictures", moving.name())).into())
+            Err(Usage(format!("{} moves along a path: give the number of frames with --frames N", moving.name()))
+                .into())
         }
-        (Some(_), None) => Err(Usage("--frames: nothing moves; give --path FILE.json".into()).into()),
+        (Some(_), None) => Err(Usage("--frames: no object moves; give --path FILE.json".into()).into()),
     }
 }
 
-/// An error with the name of the object, where there are several.
-fn of_object(error: InsertError, names: &[String]) -> anyhow::Error {
+/// Adds the name of the object to an error, if there are several objects.
+fn with_object_name(error: InsertError, names: &[String]) -> anyhow::Error {
     match error {
         InsertError::Object { source, .. } if names.len() == 1 => (*source).into(),
         InsertError::Object { object, source } => anyhow::Error::from(*source).context(names[object].clone()),
@@ -333,43 +479,38 @@ fn of_object(error: InsertError, names: &[String]) -> anyhow::Error {
     }
 }
 
-/// Names of the composite and of the layers of each frame, checked before any work is done.
-fn output_files(
-    args: &Args,
-    output: &Path,
-    frames: usize,
-    sequence: bool,
-) -> anyhow::Result<Vec<(PathBuf, Option<PathBuf>)>> {
-    let video = Video::is_asked(output);
-    if video && !sequence {
-        return Err(Usage(format!("--output {}: a video needs --path and --frames", output.display())).into());
+/// Determines the output files of each frame, and checks that they can be written.
+fn frame_files(args: &Args, output: &Path, count: usize, is_sequence: bool) -> anyhow::Result<Vec<FrameFiles>> {
+    let is_video = Video::is_video(output);
+    if is_video && !is_sequence {
+        return Err(Usage(format!("--output {}: a video requires --path and --frames", output.display())).into());
     }
     if video::is_stdout(output) && args.json {
         return Err(Usage("--json and a video cannot both go to standard output".into()).into());
     }
-    (0..frames)
+    (0..count)
         .map(|frame| {
-            let file = frame_name(output, "--output", sequence && !video, frame)?;
+            let composite = frame_name(output, "--output", is_sequence && !is_video, frame)?;
             let layers =
-                args.layers.as_deref().map(|layers| frame_name(layers, "--layers", sequence, frame)).transpose()?;
-            if !video::is_stdout(&file) {
-                output::check_replaceable(&file, COMMAND, args.force)?;
+                args.layers.as_deref().map(|layers| frame_name(layers, "--layers", is_sequence, frame)).transpose()?;
+            if !video::is_stdout(&composite) {
+                output::check_replaceable(&composite, COMMAND, args.force)?;
             }
             if let Some(layers) = &layers {
                 output::check_replaceable(layers, COMMAND, args.force)?;
             }
-            Ok((file, layers))
+            Ok(FrameFiles { composite, layers })
         })
         .collect()
 }
 
-/// Puts the frame's number, from 0, in the place of `%d` or `%0Nd`.
-fn frame_name(pattern: &Path, option: &str, sequence: bool, frame: usize) -> anyhow::Result<PathBuf> {
-    let text = pattern.to_str().ok_or_else(|| Usage(format!("{option}: the name is not valid Unicode")))?;
-    if !sequence {
+/// Replaces `%d` or `%0Nd` by the frame's number, counted from 0.
+fn frame_name(pattern: &Path, option: &str, is_sequence: bool, frame: usize) -> anyhow::Result<PathBuf> {
+    let text = pattern.to_str().ok_or_else(|| Usage(format!("{option}: the file name is not valid Unicode")))?;
+    if !is_sequence {
         return Ok(pattern.to_owned());
     }
-    let wrong = || Usage(format!("{option} {text}: a sequence needs one %d or %04d in the name"));
+    let wrong = || Usage(format!("{option} {text}: a sequence requires one %d or %04d in the file name"));
     let (before, rest) = text.split_once('%').ok_or_else(wrong)?;
     let (digits, after) = rest.split_once('d').ok_or_else(wrong)?;
     if after.contains('%') || !(digits.is_empty() || (digits.starts_with('0') && digits.len() == 2)) {
@@ -379,13 +520,12 @@ fn frame_name(pattern: &Path, option: &str, sequence: bool, frame: usize) -> any
     Ok(PathBuf::from(format!("{before}{frame:0width$}{after}")))
 }
 
+/// Parses `--lighting`, and reads its map.
 fn lighting(text: &str, orientation: Option<Orientation>) -> anyhow::Result<Lighting> {
     if text == "octree" {
         return match orientation {
             None => Ok(Lighting::Octree),
-            Some(_) => {
-                Err(Usage("--orientation: it tells how the map of --lighting envmap:FILE is held".into()).into())
-            }
+            Some(_) => Err(Usage("--orientation applies to the map of --lighting envmap:FILE only".into()).into()),
         };
     }
     let Some(path) = text.strip_prefix("envmap:") else {
@@ -394,7 +534,7 @@ fn lighting(text: &str, orientation: Option<Orientation>) -> anyhow::Result<Ligh
     let map = imaging::read_radiance(path)?;
     if map.width() != 2 * map.height() {
         return Err(Usage(format!(
-            "{path} is {} × {}: an equirectangular map is twice as wide as high",
+            "{path} is {} × {}: the width of an equirectangular map must be twice its height",
             map.width(),
             map.height()
         ))
@@ -416,7 +556,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_are_numbered_as_the_pattern_says() {
+    fn frames_are_numbered_by_the_pattern() {
         let name = |pattern: &str, frame| {
             frame_name(Path::new(pattern), "-o", true, frame).map(|path| path.display().to_string())
         };
@@ -437,10 +577,10 @@ mod tests {
     }
 
     #[test]
-    fn maps_of_other_programs_are_turned() {
+    fn maps_are_reoriented() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("map.hdr");
-        // One bright column where the other program has what lies to our right (+X).
+        // A bright column where the other program has our right side (+X).
         for (orientation, column) in [
             (Orientation::Lightoctree, 12),
             (Orientation::Openexr, 4),

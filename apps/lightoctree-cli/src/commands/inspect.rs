@@ -1,4 +1,4 @@
-//! `lightoctree inspect SCENE`: what a scene file holds.
+//! `lightoctree inspect SCENE`: prints the contents of a scene file.
 
 use std::path::PathBuf;
 
@@ -19,28 +19,28 @@ use crate::report;
     after_help = "Examples:\n  lightoctree inspect room.scene\n  lightoctree inspect room.scene --json | jq .octree.levels"
 )]
 pub struct Args {
-    /// A scene file
+    /// Scene file
     scene: PathBuf,
 
-    /// Print one JSON object instead of tables
+    /// Print a JSON object instead of tables
     #[arg(long)]
     json: bool,
 }
 
-/// What `--json` prints; the order of the fields is part of the format.
+/// The object that `--json` prints. The order of the fields is part of the format.
 #[derive(Serialize)]
 struct Summary {
     format_version: u32,
     octree: OctreeSummary,
     camera: CameraSummary,
     photo: PhotoSummary,
-    /// Where the camera comes from, if that is known.
+    /// Origin of the camera's intrinsics, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     camera_source: Option<lightoctree::CameraSource>,
     exposure: f32,
     completion: lightoctree::scene::Completion,
     room: Option<lightoctree::scene::Room>,
-    /// How far off the room's up is expected to be, where the network told it.
+    /// Expected error of the room's up direction in degrees, if the network predicted it.
     #[serde(skip_serializing_if = "Option::is_none")]
     up_deviation_deg: Option<f32>,
     sources: Vec<String>,
@@ -49,32 +49,32 @@ struct Summary {
     seen_share: f64,
     inferred_share: f64,
     predicted_depth: bool,
-    /// The depth model that predicted it, where it is not the program's own.
+    /// Depth model that predicted the depth, unless it is the built-in network.
     #[serde(skip_serializing_if = "Option::is_none")]
     depth_model: Option<String>,
-    /// What the network says of its own work: mean over the leaves by area, from 0 to 1.
+    /// The light network's confidence, from 0 to 1: mean over the leaves, weighted by area.
     mean_confidence: Option<f64>,
-    /// What somebody's panorama of the room gave.
+    /// The panorama of the room, if it was estimated with one.
     #[serde(skip_serializing_if = "Option::is_none")]
     panorama: Option<PanoramaSummary>,
-    /// Photos that the light comes from beside the first.
+    /// Photos after the first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     other_photos: Vec<lightoctree::scene::OtherPhoto>,
-    /// What somebody changed of the light, beside the estimate.
+    /// The user's light edits, which the other fields do not include.
     #[serde(skip_serializing_if = "LightEdits::is_empty")]
     light_edits: LightEdits,
-    /// What stands in the photo.
+    /// Inserted objects.
     #[serde(skip_serializing_if = "Option::is_none")]
     objects: Option<ObjectsSummary>,
 }
 
 #[derive(Serialize)]
 struct ObjectsSummary {
-    /// Their names.
+    /// Names of the objects.
     names: Vec<String>,
-    /// Files of their meshes.
+    /// Mesh files in the scene file.
     files: Vec<String>,
-    /// Of these files.
+    /// Size of these files.
     bytes: usize,
 }
 
@@ -82,7 +82,7 @@ struct ObjectsSummary {
 struct PanoramaSummary {
     #[serde(flatten)]
     source: lightoctree::scene::PanoramaSource,
-    /// Share of the leaves that it gave light to, by area.
+    /// Share of the leaves, by area, whose radiance comes from the panorama.
     share: f64,
 }
 
@@ -123,7 +123,7 @@ struct PhotoSummary {
     depth_readings_share: f64,
 }
 
-/// Percentiles of the leaves' luminance.
+/// Percentiles of the leaves' luminance; the photo's white is 1.
 #[derive(Serialize)]
 struct RadianceSummary {
     min: f32,
@@ -134,7 +134,7 @@ struct RadianceSummary {
     max: f32,
 }
 
-/// Reads and prints.
+/// Reads the scene and prints its contents.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let document = super::read_scene(&args.scene)?;
     let bytes = std::fs::metadata(&args.scene).with_context(|| format!("{}", args.scene.display()))?.len();
@@ -146,8 +146,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The objects in the photo, if there are any.
-fn objects(document: &Document) -> Option<ObjectsSummary> {
+/// Summarises the inserted objects, if there are any.
+fn objects_summary(document: &Document) -> Option<ObjectsSummary> {
     let files = &document.meshes;
     document.layout.as_ref().map(|layout| ObjectsSummary {
         names: layout.objects().iter().map(|object| object.name().to_owned()).collect(),
@@ -212,13 +212,13 @@ fn summarise(document: &Document, bytes: u64) -> Summary {
         depth_model: origin.depth_model.clone(),
         other_photos: scene.other_photos.clone(),
         light_edits: document.light_edits.clone(),
-        objects: objects(document),
+        objects: objects_summary(document),
         mean_confidence: scene.confidence.as_ref().map(|confidence| mean_share(light, confidence)),
         panorama,
     }
 }
 
-/// Mean over the leaves, by the area of their faces, of `shares[depth][row]`, of which 255 is the whole.
+/// Returns the mean over the leaves, weighted by the area of their faces, of `shares[depth][row] / 255`.
 fn mean_share(light: &LightOctree, shares: &[Vec<u8>]) -> f64 {
     let (mut sum, mut areas) = (0.0, 0.0);
     for (depth, row) in light.leaves() {
@@ -230,11 +230,11 @@ fn mean_share(light: &LightOctree, shares: &[Vec<u8>]) -> f64 {
 }
 
 fn percentiles(light: &LightOctree) -> RadianceSummary {
-    let of_leaf = |(depth, row): (usize, usize)| {
+    let leaf_luminance = |(depth, row): (usize, usize)| {
         let [r, g, b, _] = light.rgba[depth][row];
         luminance([r, g, b])
     };
-    let mut values: Vec<f32> = light.leaves().map(of_leaf).collect();
+    let mut values: Vec<f32> = light.leaves().map(leaf_luminance).collect();
     values.sort_by(f32::total_cmp);
     let at =
         |share: f64| values.get(((values.len().max(1) - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
@@ -257,7 +257,7 @@ fn print_tables(summary: &Summary) {
     report::print(&report::table(&["depth", "total", "non-empty", "split"], &rows));
     let (camera, photo) = (&summary.camera, &summary.photo);
     report::print(&format!(
-        "camera   fx {:.1}  fy {:.1}  cx {:.1}  cy {:.1}  {} × {}  {:.1} degrees across{}",
+        "camera   fx {:.1}  fy {:.1}  cx {:.1}  cy {:.1}  {} × {}  field of view {:.1}°{}",
         camera.fx,
         camera.fy,
         camera.cx,
@@ -269,8 +269,8 @@ fn print_tables(summary: &Summary) {
     ));
     if let Some(room) = &summary.room {
         let [right, above, back] = room.up.to_array();
-        let told = summary.up_deviation_deg.map(|deg| format!(" (told from the photo, ± {deg:.0} degrees)"));
-        report::print(&format!("up       ({right:+.3}, {above:+.3}, {back:+.3}){}", told.unwrap_or_default()));
+        let error = summary.up_deviation_deg.map(|deg| format!(" (estimated from the photo, ± {deg:.0}°)"));
+        report::print(&format!("up       ({right:+.3}, {above:+.3}, {back:+.3}){}", error.unwrap_or_default()));
     }
     report::print(&format!(
         "depth    {}{}, {} × {}, readings in {:.1} % of the pixels",
@@ -281,13 +281,14 @@ fn print_tables(summary: &Summary) {
         100.0 * photo.depth_readings_share
     ));
     for (index, photo) in summary.other_photos.iter().enumerate() {
-        let (place, view) = (photo.first_from_camera.translation_m, photo.first_from_camera.direction(Vec3::NEG_Z));
+        let (position, view) = (photo.first_from_camera.translation_m, photo.first_from_camera.direction(Vec3::NEG_Z));
         report::print(&format!(
-            "photo {}  at ({:.2}, {:.2}, {:.2}), looks along ({:+.2}, {:+.2}, {:+.2})  {:.1} degrees across  exposure {:+.2} EV",
+            "photo {}  at ({:.2}, {:.2}, {:.2}), looks along ({:+.2}, {:+.2}, {:+.2})  field of view {:.1}°  \
+             exposure {:+.2} EV",
             index + 2,
-            place.x,
-            place.y,
-            place.z,
+            position.x,
+            position.y,
+            position.z,
             view.x,
             view.y,
             view.z,
@@ -301,40 +302,41 @@ fn print_tables(summary: &Summary) {
         radiance.min, radiance.p05, radiance.median, radiance.p95, radiance.p99, radiance.max
     ));
     let confidence = summary.mean_confidence.map(|mean| format!(", mean confidence {mean:.2}")).unwrap_or_default();
-    let laid = summary.panorama.as_ref();
-    let laid = laid.map(|panorama| format!("{:.1} % from the panorama, ", 100.0 * panorama.share)).unwrap_or_default();
+    let panorama = summary.panorama.as_ref();
+    let panorama = panorama.map(|panorama| format!("{:.1} % from the panorama, ", 100.0 * panorama.share));
+    let panorama = panorama.unwrap_or_default();
     report::print(&format!(
-        "leaves   {:.1} % seen, {laid}{:.1} % inferred, by area{confidence}",
+        "leaves   {:.1} % observed, {panorama}{:.1} % inferred, by area{confidence}",
         100.0 * summary.seen_share,
         100.0 * summary.inferred_share
     ));
     let LightEdits { emitters, added, guessed } = &summary.light_edits;
     if let Some(guessed) = guessed {
-        report::print(&format!("light    {}, as chosen in the viewer", light::words(guessed)));
+        report::print(&format!("light    {}, chosen in the viewer", light::description(guessed)));
     }
     if summary.light_edits.has_lights() {
         let names = |ids: Vec<&str>| if ids.is_empty() { "none".to_owned() } else { ids.join(", ") };
         report::print(&format!(
-            "lights   edited: {}; added: {} (`lightoctree lights` tells more; all above is the estimate)",
+            "lights   edited: {}; added: {} (details: `lightoctree lights`; the lines above describe the estimate)",
             names(emitters.iter().map(|edit| &edit.id[..]).collect()),
             names(added.iter().map(|light| &light.id[..]).collect())
         ));
     }
     if let Some(ObjectsSummary { names, files, bytes }) = &summary.objects {
-        let held = if files.is_empty() {
+        let mesh_files = if files.is_empty() {
             String::new()
         } else {
-            format!("; their files: {}, {}", files.join(", "), report::bytes(*bytes as u64))
+            format!("; mesh files: {}, {}", files.join(", "), report::bytes(*bytes as u64))
         };
         report::print(&format!(
-            "objects  {}{held} (`lightoctree insert` without --mesh inserts them)",
+            "objects  {}{mesh_files} (`lightoctree insert` without --mesh inserts them)",
             names.join(", ")
         ));
     }
     if let Some(PanoramaSummary { source, .. }) = &summary.panorama {
         let [x, y, z] = source.position_m.to_array();
         report::print(&format!(
-            "panorama {} at ({x:.2}, {y:.2}, {z:.2}); yaw {:.1}, pitch {:+.1}, roll {:+.1} degrees; {:+.2} EV; confidence {:.2}{}",
+            "panorama {} at ({x:.2}, {y:.2}, {z:.2}); yaw {:.1}°, pitch {:+.1}°, roll {:+.1}°; {:+.2} EV; confidence {:.2}{}",
             source.file,
             source.yaw_deg,
             source.pitch_deg,

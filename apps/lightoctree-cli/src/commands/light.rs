@@ -1,4 +1,4 @@
-//! Which guessed light a scene is lit by: options that `insert`, `envmap`, `probes` and `export` share.
+//! Options of inferred light, shared by `insert`, `envmap`, `probes` and `export`.
 
 use lightoctree::{Document, GuessedLight, LightEffect, LightMode, LightPurpose, LightTuning, LitScene};
 
@@ -7,59 +7,60 @@ use crate::choice::{Choice, choice};
 use crate::progress::Stages;
 use crate::usage::Usage;
 
-/// Choices of light.
+/// Choices of inferred light.
 static LIGHTS: [Choice<LightMode>; 3] = [
-    ("even", LightMode::Even, "The likeliest radiance: lamps and windows that no photo shows vanish"),
-    ("expected", LightMode::Expected, "The expected energy: right on average, softer than real rooms"),
+    ("even", LightMode::Even, "Most probable radiance: unobserved lamps and windows vanish"),
+    ("expected", LightMode::Expected, "Expected energy: right on average, softer than in real rooms"),
     (
         "plausible",
         LightMode::Plausible,
-        "The expected energy gathered into lamps and windows: contrast and shadows of real rooms",
+        "Expected energy gathered into lamps and windows: contrast and shadows as in real rooms",
     ),
 ];
 
-/// Options of guessed light.
+/// Options of inferred light.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct LightArgs {
-    /// Light of what no photo shows [default: what the viewer saved, else plausible for insert and export, expected for envmap and probes]
+    /// Light of unobserved regions [default: as saved by the viewer, else plausible for insert and export, expected for
+    /// envmap and probes]
     #[arg(long, value_name = "LIGHT", value_parser = choice(&LIGHTS))]
     pub light: Option<LightMode>,
 
-    /// Contrast of plausible light, as a factor on that of similar rooms in stops
+    /// Factor on the contrast of plausible light in stops, 0 to 3; 1 is that of similar rooms [default: 1]
     #[arg(long, value_name = "FACTOR", value_parser = parse::contrast)]
     pub contrast: Option<f64>,
 
-    /// Stops by which guessed light is redder than estimated; below 0 bluer
+    /// Stops by which inferred light is redder (above 0) or bluer than estimated, -4 to 4 [default: 0]
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse::warmth)]
     pub warmth: Option<f64>,
 
-    /// This pixel of the photo shows something white: guessed light gets the colour that it has there
+    /// Pixel of the photo that shows something white; inferred light gets the colour that it has there
     #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
     pub white: Option<[f64; 2]>,
 
-    /// The former name of --light plausible
+    /// Former name of --light plausible
     #[arg(long, hide = true, conflicts_with_all = ["light", "no_lamp"])]
     lamp: bool,
 
-    /// The former name of --light even
+    /// Former name of --light even
     #[arg(long, hide = true, conflicts_with = "light")]
     no_lamp: bool,
 }
 
-/// A choice of light in words, with what differs from the estimate.
-pub fn words(guessed: &GuessedLight) -> String {
+/// Describes a choice of light and its tuning, as far as it differs from the default.
+pub fn description(guessed: &GuessedLight) -> String {
     let GuessedLight { light, tuning: LightTuning { contrast, warmth_ev, white } } = guessed.in_effect();
-    let usual = LightTuning::default();
+    let default = LightTuning::default();
     let parts = [
         Some(light.name().to_owned()),
-        (contrast != usual.contrast).then(|| format!("contrast {contrast}")),
-        (warmth_ev != usual.warmth_ev).then(|| format!("warmth {warmth_ev:+} EV")),
+        (contrast != default.contrast).then(|| format!("contrast {contrast}")),
+        (warmth_ev != default.warmth_ev).then(|| format!("warmth {warmth_ev:+} EV")),
         white.map(|[u, v]| format!("white at {u},{v}")),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-/// A document in the light for a purpose; reports how lamps were fitted.
+/// Applies a document's light for a purpose, and reports how lamps were fitted.
 ///
 /// # Errors
 /// Edits of lights that do not exist, and a white pixel without a colour.
@@ -70,11 +71,11 @@ pub fn lit(document: &Document, purpose: LightPurpose, stages: &mut Stages) -> a
 }
 
 impl LightArgs {
-    /// The light asked for; `None` without any option.
+    /// Returns the light selected by the options; `None` without any option.
     ///
     /// # Errors
-    /// Options that have no effect on it.
-    fn chosen(&self, usual: LightMode) -> anyhow::Result<Option<GuessedLight>> {
+    /// Options that have no effect on this light.
+    fn selected(&self, default: LightMode) -> anyhow::Result<Option<GuessedLight>> {
         let tunes = self.contrast.is_some() || self.warmth.is_some() || self.white.is_some();
         if !(self.light.is_some() || self.lamp || self.no_lamp || tunes) {
             return Ok(None);
@@ -82,35 +83,38 @@ impl LightArgs {
         let mode = match self.light {
             _ if self.lamp => LightMode::Plausible,
             _ if self.no_lamp => LightMode::Even,
-            None => usual,
+            None => default,
             Some(light) => light,
         };
         if self.contrast.is_some() && mode != LightMode::Plausible {
-            return Err(Usage("--contrast: only plausible light has one; add --light plausible".into()).into());
+            return Err(Usage("--contrast applies to plausible light only; add --light plausible".into()).into());
         }
         if (self.warmth.is_some() || self.white.is_some()) && mode == LightMode::Even {
-            return Err(Usage("--warmth and --white change expected and plausible light, not even light".into()).into());
+            return Err(Usage(
+                "--warmth and --white do not apply to even light; use --light expected or plausible".into(),
+            )
+            .into());
         }
-        let usual = LightTuning::default();
+        let untuned = LightTuning::default();
         let tuning = LightTuning {
-            contrast: self.contrast.map_or(usual.contrast, |contrast| contrast as f32),
-            warmth_ev: self.warmth.map_or(usual.warmth_ev, |warmth| warmth as f32),
+            contrast: self.contrast.map_or(untuned.contrast, |contrast| contrast as f32),
+            warmth_ev: self.warmth.map_or(untuned.warmth_ev, |warmth| warmth as f32),
             white: self.white,
         };
         Ok(Some(GuessedLight { light: mode, tuning }))
     }
 
-    /// A document in the light that options, its own choice or the purpose ask for, in this order.
+    /// Applies the light selected by the options, else by the document, else by the purpose.
     ///
     /// # Errors
     /// Options without effect, edits of lights that do not exist, and a white pixel without a colour.
     pub fn lit(&self, document: &mut Document, purpose: LightPurpose, stages: &mut Stages) -> anyhow::Result<LitScene> {
-        if let Some(chosen) = self.chosen(purpose.default_light())? {
-            document.light_edits.guessed = Some(chosen);
+        if let Some(selected) = self.selected(purpose.default_light())? {
+            document.light_edits.guessed = Some(selected);
         }
         let tuning = document.guessed_light(purpose).in_effect().tuning;
         if tuning != LightTuning::default() && LightEffect::of(&document.estimate) != LightEffect::Expected {
-            stages.note("the scene has no expected light: contrast, warmth and white change nothing");
+            stages.note("the scene has no expected light: contrast, warmth and white have no effect");
         }
         lit(document, purpose, stages)
     }

@@ -1,4 +1,4 @@
-//! One module per command: its options, and what it does with the library.
+//! One module per command: its options, and its calls of the library.
 
 pub mod completions;
 pub mod demo;
@@ -27,12 +27,12 @@ use std::path::Path;
 use anyhow::Context;
 use lightoctree::{Document, Estimator};
 
-/// Reads a scene file; errors name it.
+/// Reads a scene file. Errors contain its path.
 fn read_scene(path: &Path) -> anyhow::Result<Document> {
     Document::read(path).with_context(|| format!("{}", path.display()))
 }
 
-/// With the networks of a file of weights, or those that the program carries.
+/// Creates an estimator with the networks of a weights file, or with those embedded in the program.
 pub fn estimator(weights: Option<&Path>) -> anyhow::Result<Estimator> {
     match weights {
         Some(path) => Estimator::read(path).with_context(|| format!("--weights {}", path.display())),
@@ -47,6 +47,6 @@ fn shipped_estimator() -> anyhow::Result<Estimator> {
 
 #[cfg(not(feature = "weights"))]
 fn shipped_estimator() -> anyhow::Result<Estimator> {
-    Err(crate::usage::Usage("this program was built without weights (feature `weights`): give --weights FILE".into())
+    Err(crate::usage::Usage("this program was built without weights (feature `weights`); give --weights FILE".into())
         .into())
 }

@@ -1,54 +1,54 @@
-//! Values such as `X,Y,Z` and `WxH` on the command line.
+//! Parsers of option values such as `X,Y,Z` and `WxH`.
 
 use lightoctree::geometry::Vec3;
 use lightoctree::scene::{LightColor, MAX_KELVIN, MIN_KELVIN};
 
-/// `X,Y,Z` in metres.
+/// Parses `X,Y,Z` in metres.
 pub fn point(text: &str) -> Result<Vec3, String> {
     let point = Vec3::from_array(numbers(text, "X,Y,Z")?.map(|coordinate| coordinate as f32));
-    if point.is_finite() { Ok(point) } else { Err(format!("`{text}` is too far away")) }
+    if point.is_finite() { Ok(point) } else { Err(format!("`{text}` is too large")) }
 }
 
-/// `X,Y,Z` of any length above zero, made a unit vector.
+/// Parses `X,Y,Z` of any length above zero, and normalizes it.
 pub fn direction(text: &str) -> Result<Vec3, String> {
     let direction: [f64; 3] = numbers(text, "X,Y,Z")?;
-    // By the largest part first: squares of what f64 holds overflow f32 and vanish in it.
-    let largest = direction.iter().fold(0.0f64, |largest, part| largest.max(part.abs()));
-    let scaled = Vec3::from_array(direction.map(|part| (part / largest) as f32));
+    // Divides by the largest component first, because squares of f64 values may overflow or vanish in f32.
+    let largest = direction.iter().fold(0.0f64, |largest, component| largest.max(component.abs()));
+    let scaled = Vec3::from_array(direction.map(|component| (component / largest) as f32));
     scaled.try_normalize().ok_or_else(|| "a direction must not be zero".into())
 }
 
-/// `FX,FY,CX,CY` in pixels.
+/// Parses `FX,FY,CX,CY` in pixels.
 pub fn intrinsics(text: &str) -> Result<[f64; 4], String> {
     numbers(text, "FX,FY,CX,CY")
 }
 
-/// `U,V` in pixels of the photo.
+/// Parses `U,V` in pixels of the photo.
 pub fn pixel(text: &str) -> Result<[f64; 2], String> {
     numbers(text, "U,V")
 }
 
-/// `U,V,U,V` in pixels of the photo: two places.
+/// Parses `U,V,U,V` in pixels of the photo: two positions.
 pub fn pixels(text: &str) -> Result<[[f64; 2]; 2], String> {
     numbers(text, "U,V,U,V").map(|[u, v, s, t]| [[u, v], [s, t]])
 }
 
-/// `X,Y,R` in pixels: a circle's middle and radius.
+/// Parses `X,Y,R` in pixels: centre and radius of a circle.
 pub fn circle(text: &str) -> Result<[f64; 3], String> {
     numbers(text, "X,Y,R")
 }
 
-/// A share above 0 and at most 1, or one for each of `R,G,B`.
+/// Parses a value above 0 and at most 1, or one for each of `R,G,B`.
 pub fn reflectance(text: &str) -> Result<[f32; 3], String> {
     let all = if text.contains(',') { numbers(text, "R,G,B")? } else { [numbers::<1>(text, "a number")?[0]; 3] };
     if all.iter().all(|&v| v as f32 > 0.0 && v <= 1.0) {
         Ok(all.map(|v| v as f32))
     } else {
-        Err("a reflectance lies above 0 and is at most 1".into())
+        Err("must be above 0 and at most 1".into())
     }
 }
 
-/// A temperature such as `3000K`, or linear `R,G,B`.
+/// Parses a temperature such as `3000K`, or linear `R,G,B`.
 pub fn light_color(text: &str) -> Result<LightColor, String> {
     if let Some(kelvin) = text.strip_suffix(['K', 'k']) {
         let [kelvin]: [f64; 1] = numbers(kelvin, "a temperature")?;
@@ -57,7 +57,7 @@ pub fn light_color(text: &str) -> Result<LightColor, String> {
         return if range.contains(&kelvin) {
             Ok(LightColor::Kelvin(kelvin))
         } else {
-            Err(format!("temperatures lie between {MIN_KELVIN} K and {MAX_KELVIN} K"))
+            Err(format!("the temperature must be from {MIN_KELVIN} K to {MAX_KELVIN} K"))
         };
     }
     if !text.contains(',') {
@@ -67,42 +67,42 @@ pub fn light_color(text: &str) -> Result<LightColor, String> {
     if rgb.iter().all(|c| (0.0..=1e6).contains(c)) && rgb.iter().any(|c| *c > 1e-3) {
         Ok(LightColor::Rgb(rgb))
     } else {
-        Err("each of R,G,B lies between 0 and a million, and one of them above 0.001".into())
+        Err("R, G and B must be from 0 to 1000000, and at least one of them above 0.001".into())
     }
 }
 
-/// `W,H` in metres, each above 0.
+/// Parses `W,H` in metres, each above 0.
 pub fn extent(text: &str) -> Result<[f32; 2], String> {
     let sides: [f64; 2] = numbers(text, "W,H")?;
     if sides.iter().all(|side| *side > 0.0) {
         Ok(sides.map(|side| side as f32))
     } else {
-        Err("W and H lie above 0".into())
+        Err("W and H must be above 0".into())
     }
 }
 
-/// `NX,NY,NZ`, each at least 1.
+/// Parses `NX,NY,NZ`, each from 1 to 10000.
 pub fn counts(text: &str) -> Result<[usize; 3], String> {
     let numbers: [f64; 3] = numbers(text, "NX,NY,NZ")?;
     if numbers.iter().any(|&n| n < 1.0 || n.fract() != 0.0 || n > 10_000.0) {
-        return Err("each count must be a whole number from 1 to 10000".into());
+        return Err("NX, NY and NZ must be integers from 1 to 10000".into());
     }
     Ok(numbers.map(|n| n as usize))
 }
 
-/// `WxH` in pixels.
+/// Parses `WxH` in pixels.
 pub fn size(text: &str) -> Result<[usize; 2], String> {
     let wrong = || format!("`{text}` is not of the form WxH, such as 256x128");
     let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(wrong)?;
     let parse = |part: &str| part.trim().parse::<usize>().map_err(|_| wrong());
     let size = [parse(width)?, parse(height)?];
     if size.iter().any(|&s| !(1..=16_384).contains(&s)) {
-        return Err("each side must lie between 1 and 16384 pixels".into());
+        return Err("width and height must be from 1 to 16384 pixels".into());
     }
     Ok(size)
 }
 
-/// `I/N`: part I of N, counted from 1.
+/// Parses `I/N`: part I of N, counted from 1.
 pub fn part(text: &str) -> Result<[u32; 2], String> {
     let numbers = text.split_once('/').and_then(|(i, n)| Some([i.trim().parse().ok()?, n.trim().parse().ok()?]));
     match numbers {
@@ -111,30 +111,30 @@ pub fn part(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
-/// `A,B` in degrees: fields of view from 5 to 150, the smaller one first.
+/// Parses `A,B`: a range of fields of view within 5 to 150 degrees.
 pub fn hfov_range_deg(text: &str) -> Result<[f32; 2], String> {
     let [least, most]: [f64; 2] = numbers(text, "A,B")?;
     if !(5.0..=150.0).contains(&least) || !(least..=150.0).contains(&most) {
-        return Err("fields of view lie between 5 and 150 degrees, the smaller one first".into());
+        return Err("fields of view must be from 5 to 150 degrees, the smaller one first".into());
     }
     Ok([least as f32, most as f32])
 }
 
-/// `EV,EV,…`: as many as there are.
+/// A list of exposures in stops.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stops(pub Vec<f64>);
+pub struct ExposuresEv(pub Vec<f64>);
 
-/// `EV,EV,…`, each within ± 20 stops.
-pub fn stops(text: &str) -> Result<Stops, String> {
-    let stop = |part: &str| match part.trim().parse::<f64>() {
+/// Parses `EV,EV,…`, each from −20 to 20 stops.
+pub fn exposures_ev(text: &str) -> Result<ExposuresEv, String> {
+    let exposure = |part: &str| match part.trim().parse::<f64>() {
         Ok(ev) if ev.abs() <= 20.0 => Ok(ev),
-        Ok(ev) => Err(format!("{ev} EV; exposures differ by 20 at most")),
+        Ok(ev) => Err(format!("{ev} EV is out of range; exposures must be from -20 to 20 EV")),
         Err(_) => Err(format!("`{}` in EV,EV,… is not a number", part.trim())),
     };
-    text.split(',').map(stop).collect::<Result<_, _>>().map(Stops)
+    text.split(',').map(exposure).collect::<Result<_, _>>().map(ExposuresEv)
 }
 
-/// A share, from 0 to 1.
+/// Parses a share from 0 to 1.
 pub fn share(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
@@ -142,7 +142,7 @@ pub fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The factor of a contrast, 0 to 3.
+/// Parses a factor of contrast from 0 to 3.
 pub fn contrast(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.0..=3.0).contains(&value) => Ok(value),
@@ -150,30 +150,30 @@ pub fn contrast(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Stops, −4 to 4.
+/// Parses a warmth from −4 to 4 stops.
 pub fn warmth(text: &str) -> Result<f64, String> {
     within(text, 4.0, "stops")
 }
 
-/// A finite number above zero.
+/// Parses a finite number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err("must be a finite number above 0".into()) }
 }
 
-/// An angle in degrees, up to ten turns.
+/// Parses an angle within ± 3600 degrees.
 pub fn angle_deg(text: &str) -> Result<f64, String> {
     within(text, 3600.0, "degrees")
 }
 
-/// Stops of one exposure.
+/// Parses an exposure within ± 40 stops.
 pub fn exposure_ev(text: &str) -> Result<f64, String> {
     within(text, 40.0, "stops")
 }
 
-fn within(text: &str, most: f64, unit: &str) -> Result<f64, String> {
+fn within(text: &str, limit: f64, unit: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
-    if (-most..=most).contains(&value) { Ok(value) } else { Err(format!("must lie between -{most} and {most} {unit}")) }
+    if (-limit..=limit).contains(&value) { Ok(value) } else { Err(format!("must be from -{limit} to {limit} {unit}")) }
 }
 
 fn numbers<const N: usize>(text: &str, form: &str) -> Result<[f64; N], String> {
@@ -198,7 +198,7 @@ mod tests {
         assert_eq!(point("1,b,2"), Err("`b` in X,Y,Z is not a number".into()));
         assert_eq!(point("1,nan,2"), Err("NaN in X,Y,Z is not a finite number".into()));
         // Finite in f64, not in f32.
-        assert_eq!(point("1e39,0,0"), Err("`1e39,0,0` is too far away".into()));
+        assert_eq!(point("1e39,0,0"), Err("`1e39,0,0` is too large".into()));
         for length in ["1e-300", "1e-30", "2", "1e30", "1e300"] {
             assert_eq!(direction(&format!("0,-{length},0")), Ok(Vec3::NEG_Y));
         }
@@ -215,8 +215,8 @@ mod tests {
         assert!(["0/4", "5/4", "1", "a/2", "1/0"].iter().all(|text| part(text).is_err()));
         assert_eq!(hfov_range_deg("60,80"), Ok([60.0, 80.0]));
         assert!(["80,60", "1,80", "60", "60,170"].iter().all(|text| hfov_range_deg(text).is_err()));
-        assert_eq!(stops("0,-0.5, 1"), Ok(Stops(vec![0.0, -0.5, 1.0])));
-        assert!(stops("0,x").is_err() && stops("nan").is_err() && stops("0,21").is_err());
+        assert_eq!(exposures_ev("0,-0.5, 1"), Ok(ExposuresEv(vec![0.0, -0.5, 1.0])));
+        assert!(["0,x", "nan", "0,21"].iter().all(|text| exposures_ev(text).is_err()));
         assert_eq!(light_color("3000K"), Ok(LightColor::Kelvin(3000.0)));
         assert_eq!(light_color("1, 0.5,0"), Ok(LightColor::Rgb([1.0, 0.5, 0.0])));
         assert!(["900K", "warm", "0,0,0", "1,2", "-1,1,1", "nanK"].iter().all(|text| light_color(text).is_err()));

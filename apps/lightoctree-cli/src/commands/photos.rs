@@ -1,4 +1,4 @@
-//! Several photos of one room on the command line of `estimate`.
+//! Options of `estimate` for several photos of one room.
 
 use std::path::PathBuf;
 
@@ -17,75 +17,83 @@ use crate::usage::Usage;
 /// Options of several photos.
 #[derive(Debug, clap::Args)]
 pub struct PhotosArgs {
-    /// Where the cameras of several photos stood: one file for all, or one for each
+    /// Camera poses of several photos: one file for all, or one per photo
     ///
-    /// Known by their content: lightoctree's own JSON, Record3D's metadata.json, frames of 3D Scanner App and of Polycam's raw data, transforms.json of
-    /// NeRF programs (in metres), TUM trajectories. What they say of lenses is used where --intrinsics and --hfov-deg are not given.
+    /// Formats are recognised by their content: lightoctree's JSON, Record3D's metadata.json, frames of 3D Scanner App
+    /// and of Polycam's raw data, transforms.json of NeRF programs (in metres), TUM trajectories. Their intrinsics are
+    /// used unless --intrinsics or --hfov-deg is given.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub poses: Vec<PathBuf>,
 
-    /// Stops by which each of several photos shows the same light brighter, +1 twice as bright [default: from the poses' file or EXIF, else matched]
-    #[arg(long, value_name = "EV,EV,…", value_parser = parse::stops, allow_hyphen_values = true)]
-    exposures: Option<parse::Stops>,
+    /// Exposure of each of several photos in stops; +1 shows the same light twice as bright [default: from the pose
+    /// file or EXIF, else matched]
+    #[arg(long, value_name = "EV,EV,…", value_parser = parse::exposures_ev, allow_hyphen_values = true)]
+    exposures: Option<parse::ExposuresEv>,
 }
 
-/// Why several photos need a sensor.
+/// Error of predicted depth for several photos.
 pub const PREDICTED: &str =
-    "--depth-is predicted: predicted depths of several photos have no common scale; several photos need measured depth";
+    "--depth-is predicted: several photos need measured depth, because predicted depths have no common scale";
 
-/// Photos and depth maps of the command line: where options stood before the photos, these are among the depth maps.
+/// Separates photos from depth maps. If the options precede the photos, clap parses the photos as depth maps.
+///
+/// # Errors
+/// The number of depth maps does not match the number of photos.
 pub fn files<'a>(photos: &'a [PathBuf], depths: &'a [PathBuf]) -> anyhow::Result<(&'a [PathBuf], &'a [PathBuf])> {
     let (photos, depths) = match photos {
         [] if depths.len().is_multiple_of(2) => (&depths[depths.len() / 2..], &depths[..depths.len() / 2]),
-        [] => return Err(Usage("no photo: name the photos before --depth and --poses".into()).into()),
+        [] => return Err(Usage("no photo; give the photos before --depth and --poses".into()).into()),
         _ => (photos, depths),
     };
     match (photos.len(), depths.len()) {
         (1, 0 | 1) => Ok((photos, depths)),
         (count, 0) => {
-            let needs = "several photos need --depth, a file for each: predicted depths have no common scale";
-            Err(Usage(format!("{count} photos without depth: {needs}")).into())
+            let reason =
+                "several photos need --depth with one file each, because predicted depths have no common scale";
+            Err(Usage(format!("{count} photos without depth: {reason}")).into())
         }
         (count, files) if count != files => {
-            Err(Usage(format!("{files} files of --depth for {count} photos: each photo needs its own")).into())
+            Err(Usage(format!("{files} files of --depth for {count} photos; each photo needs one")).into())
         }
         _ => Ok((photos, depths)),
     }
 }
 
-/// What several photos are to an estimate.
-pub struct Several {
-    /// The photos.
+/// Several photos of a room, read and validated.
+pub struct PosedPhotos {
+    /// Input of the estimate.
     pub input: Input,
-    /// Against gravity, where the poses know.
+    /// Up direction, if the pose file states it.
     pub up: Option<Vec3>,
 }
 
 impl PhotosArgs {
-    /// Refuses what only several photos need.
-    pub fn unused(&self) -> anyhow::Result<()> {
+    /// Checks that no option of several photos is given for a single one.
+    pub fn check_unused(&self) -> anyhow::Result<()> {
         let option = match (self.poses.is_empty(), &self.exposures) {
             (true, None) => return Ok(()),
             (false, _) => "--poses",
             (true, Some(_)) => "--exposures",
         };
-        Err(Usage(format!("{option} belongs to several photos, and there is one")).into())
+        Err(Usage(format!("{option} applies to several photos only, but one photo is given")).into())
     }
 
-    /// Reads photos, depths and poses; `given` is the camera by another option.
+    /// Reads photos, depth maps and poses. `given_camera` returns the camera given by another option, and its name.
     pub fn read(
         &self,
         photos: &[PathBuf],
         depths: &[PathBuf],
         depth_scale: Option<f64>,
-        given: impl Fn(&PhotoFile) -> anyhow::Result<Option<(Camera, &'static str)>>,
+        given_camera: impl Fn(&PhotoFile) -> anyhow::Result<Option<(Camera, &'static str)>>,
         stages: &mut Stages,
-    ) -> anyhow::Result<Several> {
+    ) -> anyhow::Result<PosedPhotos> {
         if self.poses.is_empty() {
-            return Err(Usage(format!("{} photos need --poses: where their cameras stood", photos.len())).into());
+            return Err(Usage(format!("{} photos need --poses with their camera poses", photos.len())).into());
         }
-        if let Some(parse::Stops(stops)) = self.exposures.as_ref().filter(|stops| stops.0.len() != photos.len()) {
-            let count = stops.len();
+        if let Some(parse::ExposuresEv(exposures)) = &self.exposures
+            && exposures.len() != photos.len()
+        {
+            let count = exposures.len();
             return Err(Usage(format!("--exposures: {count} exposures for {} photos", photos.len())).into());
         }
         let poses = PhotoPoses::read(&self.poses, photos)?;
@@ -95,42 +103,43 @@ impl PhotosArgs {
             };
             photos.iter().zip(depths).map(file).collect()
         })?;
-        stages.note(&format!("poses by {}", poses.format));
+        stages.note(&format!("pose format: {}", poses.format));
         if poses.distorted {
-            stages.note("the poses' file states a lens distortion, which is not undone");
+            stages.note("the pose file contains lens distortion, which is not corrected");
         }
-        let stops = match &self.exposures {
-            Some(parse::Stops(stops)) => Some(stops.iter().map(|ev| ev - stops[0]).collect()),
-            None => poses.exposures_ev().or_else(|| exif_stops(files.iter().map(|(photo, _)| photo))),
+        let exposures_ev = match &self.exposures {
+            Some(parse::ExposuresEv(exposures)) => Some(exposures.iter().map(|ev| ev - exposures[0]).collect()),
+            None => poses.exposures_ev().or_else(|| exif_exposures_ev(files.iter().map(|(photo, _)| photo))),
         };
         let mut frames = Vec::with_capacity(photos.len());
         for (index, (((photo, depth_m), pose), path)) in
             files.into_iter().zip(poses.first_from_cameras()).zip(photos).enumerate()
         {
             let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
-            let (camera, source) = if let Some((camera, option)) = given(&photo)? {
+            let (camera, source) = if let Some((camera, option)) = given_camera(&photo)? {
                 (camera, option.to_owned())
             } else if let Some(camera) = poses.camera(index, width, height)? {
-                (camera, "the poses' file".to_owned())
+                (camera, "from the pose file".to_owned())
             } else {
-                // Depth with poses comes with its camera, or EXIF does: no network is asked.
+                // EXIF or the default; networks are not used for several photos.
                 let (camera, source) = lightoctree::Estimator::without_networks().camera_of(&photo)?;
                 (camera, source.to_string())
             };
-            stages.note(&format!("{}: camera of {:.1} degrees across ({source})", path.display(), camera.hfov_deg()));
-            let exposure = stops.as_ref().map_or(1.0, |stops: &Vec<f64>| (-stops[index]).exp2() as f32);
-            let frame = Frame::new(photo.photo, depth_m, camera, exposure)
-                .with_context(|| format!("{} and {} do not fit together", path.display(), depths[index].display()))?;
+            stages.note(&format!("{}: horizontal field of view {:.1}° ({source})", path.display(), camera.hfov_deg()));
+            let exposure = exposures_ev.as_ref().map_or(1.0, |stops: &Vec<f64>| (-stops[index]).exp2() as f32);
+            let frame = Frame::new(photo.photo, depth_m, camera, exposure).with_context(|| {
+                format!("{} and {} cannot be used together", path.display(), depths[index].display())
+            })?;
             frames.push(PosedFrame { frame, first_from_camera: pose });
         }
-        let exposures = if stops.is_some() { Exposures::Known } else { Exposures::Matched };
-        Ok(Several { input: Input::Photos { photos: frames, exposures }, up: poses.up })
+        let exposures = if exposures_ev.is_some() { Exposures::Known } else { Exposures::Matched };
+        Ok(PosedPhotos { input: Input::Photos { photos: frames, exposures }, up: poses.up })
     }
 }
 
-/// Stops by which each photo shows the same light brighter than the first, where EXIF tells exposure time and sensitivity of all.
-fn exif_stops<'a>(photos: impl Iterator<Item = &'a PhotoFile>) -> Option<Vec<f64>> {
+/// Computes exposures relative to the first photo in stops, if EXIF states exposure time and sensitivity of all photos.
+fn exif_exposures_ev<'a>(photos: impl Iterator<Item = &'a PhotoFile>) -> Option<Vec<f64>> {
     let shots: Vec<PhotoExposure> = photos.map(|photo| photo.exposure).collect();
-    let told = shots.iter().all(|shot| shot.time_s.is_some() && shot.iso.is_some());
-    told.then(|| stops_from_exif(&shots)).flatten()
+    let is_complete = shots.iter().all(|shot| shot.time_s.is_some() && shot.iso.is_some());
+    is_complete.then(|| stops_from_exif(&shots)).flatten()
 }

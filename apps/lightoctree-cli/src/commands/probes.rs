@@ -1,4 +1,4 @@
-//! `lightoctree probes SCENE`: many panoramas and a manifest.
+//! `lightoctree probes SCENE`: renders HDR environment maps at many points, with a manifest.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use lightoctree::{Cancelled, Estimate, LightPurpose};
 use serde_json::json;
 
 use super::environment::{self, PanoramaArgs};
-use super::level::Level;
+use super::level::OutputFrame;
 use super::light::LightArgs;
 use super::parse;
 use crate::args::Global;
@@ -24,48 +24,48 @@ use crate::{output, report};
 #[command(after_help = "Examples:\n  \
     lightoctree probes room.scene --grid 4,2,4 -o probes\n  \
     lightoctree probes room.scene --points positions.csv --size 256x128 -o probes\n\n\
-    FILE.csv: a line per point, x,y,z in metres and optionally a name; a header line `x,y,z,name` may stand first.\n\
-    FILE.json: keyframes as for `insert --path`; --frames says how many points are taken along it.")]
+    FILE.csv: one point per line, x,y,z in metres and an optional name; the first line may be the header `x,y,z,name`.\n\
+    FILE.json: keyframes as for `insert --path`.")]
 #[command(group(clap::ArgGroup::new("place").required(true).args(["grid", "path", "points"])))]
 pub struct Args {
-    /// A scene file
+    /// Scene file
     scene: PathBuf,
 
     #[command(flatten)]
     light: LightArgs,
 
-    /// Light that surfaces reflect alone, without lamps, windows and added lights: for who relights the scene by lights
+    /// Render only reflected light, without lamps, windows and added lights, to relight the scene with your own lights
     #[arg(long, conflicts_with_all = ["light", "lamp", "no_lamp", "contrast", "warmth", "white"])]
     without_emitters: bool,
 
-    /// A regular grid inside of the room
+    /// Points of a regular grid inside the room
     #[arg(long, value_name = "NX,NY,NZ", value_parser = parse::counts)]
     grid: Option<[usize; 3]>,
 
-    /// Points along a path of keyframes
+    /// Points along a path of keyframes; see --frames
     #[arg(long, value_name = "FILE.json", requires = "frames")]
     path: Option<PathBuf>,
 
-    /// How many points along the path
+    /// Number of points along the path
     #[arg(long, value_name = "N", requires = "path", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     frames: Option<u32>,
 
-    /// Points from a table
+    /// Points of a table
     #[arg(long, value_name = "FILE.csv")]
     points: Option<PathBuf>,
 
     #[command(flatten)]
     panorama: PanoramaArgs,
 
-    /// File format of the panoramas
+    /// File format of the environment maps
     #[arg(long, value_name = "EXT", default_value = "exr", value_parser = ["exr", "hdr", "pfm"])]
     format: String,
 
-    /// The folder to write into
+    /// Folder to write to
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
 
-    /// Write into a folder that holds other things
+    /// Write to a folder that contains other files
     #[arg(long)]
     force: bool,
 
@@ -76,68 +76,64 @@ pub struct Args {
 
 const COMMAND: &str = "probes";
 const MANIFEST: &str = "manifest.json";
-/// Most probes of one run.
+/// Maximum number of probes of one run.
 const MAX_PROBES: usize = 100_000;
 
-/// A place to render at, and the name of its file.
+/// A position to render at, and the name of its file.
 pub struct Probe {
     /// File name without extension.
     pub name: String,
-    /// World position in metres.
+    /// Position in metres, in the camera's frame.
     pub position_m: Vec3,
 }
 
-/// Renders every probe, then writes the manifest.
+/// Renders and writes every probe, then writes the manifest.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
     let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
     let purpose = if args.without_emitters { LightPurpose::IndirectOnly } else { LightPurpose::Panorama };
     let scene = args.light.lit(&mut document, purpose, &mut stages)?;
     let probes = probes(args, &scene)?;
-    let level = Level::new(&scene, args.panorama.level)?;
+    let frame = OutputFrame::new(&scene, args.panorama.frame)?;
     let height = environment::height(args.panorama.size)?;
     output::prepare_folder(&args.output, MANIFEST, COMMAND, args.force)?;
     let mut entries = Vec::with_capacity(probes.len());
     let points: Vec<Vec3> = probes.iter().map(|probe| probe.position_m).collect();
-    let keep = |index: usize, panorama: Rendering| -> anyhow::Result<()> {
+    let write = |index: usize, panorama: Rendering| -> anyhow::Result<()> {
         let probe = &probes[index];
         let file = format!("{}.{}", probe.name, args.format);
         let path = args.output.join(&file);
-        let panorama = level.panorama(panorama, height);
-        let place = Some((probe.position_m, &level));
-        environment::write(&path, &panorama.radiance, place, &args.panorama.file, COMMAND)?;
+        let panorama = frame.panorama(panorama, height);
+        let at = Some((probe.position_m, &frame));
+        environment::write(&path, &panorama.radiance, at, &args.panorama.file, COMMAND)?;
         entries.push(json!({
             "name": probe.name,
             "file": file,
-            "position_m": level.point(probe.position_m).to_array(),
-            "place": environment::odd_place(&scene, probe.position_m).unwrap_or("free"),
+            "position_m": frame.point(probe.position_m).to_array(),
+            "place": environment::unusual_position(&scene, probe.position_m).unwrap_or("free"),
         }));
         Ok(())
     };
-    let rendered =
-        lightoctree::render_probes(&scene, &points, level.height(height), keep, &mut |event| stages.hear(event));
+    let rendered = lightoctree::render_probes(&scene, &points, frame.rendered_height(height), write, &mut |event| {
+        stages.handle(event)
+    });
     rendered.or_else(|error| if error.is::<Cancelled>() { Ok(()) } else { Err(error) })?;
     let manifest = json!({
         "size": args.panorama.size,
         "units": "linear Rec. 709; 1 is the photo's white",
-        "frame": level.description(),
-        "camera": level.camera(),
+        "frame": frame.description(),
+        "camera": frame.camera(),
         "probes": entries,
     });
     environment::write_json(&args.output.join(MANIFEST), COMMAND, manifest.clone())?;
     if args.json {
         report::print_json(&manifest)?;
     } else {
-        report::print(&format!(
-            "{}  {} panoramas in {}",
-            args.output.display(),
-            entries.len(),
-            seconds(stages.total())
-        ));
+        report::print(&format!("{}  {} probes in {}", args.output.display(), entries.len(), seconds(stages.total())));
     }
     if entries.len() < probes.len() {
         anyhow::bail!(
-            "stopped after {} of {} panoramas; {} lists them",
+            "stopped after {} of {} probes; {} lists the finished ones",
             entries.len(),
             probes.len(),
             args.output.join(MANIFEST).display()
@@ -166,7 +162,7 @@ fn probes(args: &Args, estimate: &Estimate) -> anyhow::Result<Vec<Probe>> {
     } else if let Some(path) = &args.points {
         read_points(path)?
     } else {
-        return Err(Usage("give --grid, --path or --points".into()).into());
+        return Err(Usage("give the points with --grid, --path or --points".into()).into());
     };
     check_count(probes.len())?;
     Ok(probes)
@@ -176,7 +172,7 @@ fn check_count(count: usize) -> anyhow::Result<()> {
     if (1..=MAX_PROBES).contains(&count) {
         Ok(())
     } else {
-        Err(Usage(format!("{count} probes: a run makes 1 to {MAX_PROBES}")).into())
+        Err(Usage(format!("{count} probes: a run renders 1 to {MAX_PROBES}")).into())
     }
 }
 
@@ -185,7 +181,10 @@ fn read_points(path: &Path) -> anyhow::Result<Vec<Probe>> {
     points_from_csv(&text).with_context(|| format!("{}", path.display()))
 }
 
-/// Points of a table: x, y, z in metres and optionally a name, with or without a header line.
+/// Parses a table of points: x, y, z in metres and an optional name, with or without a header line.
+///
+/// # Errors
+/// Malformed lines, by number; duplicate names and names that cannot be file names.
 pub fn points_from_csv(text: &str) -> anyhow::Result<Vec<Probe>> {
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
@@ -202,7 +201,7 @@ pub fn points_from_csv(text: &str) -> anyhow::Result<Vec<Probe>> {
             continue;
         }
         if !(3..=4).contains(&record.len()) {
-            anyhow::bail!("line {line}: needs x,y,z and optionally a name, has {} cells", record.len());
+            anyhow::bail!("line {line}: expected x,y,z and an optional name, got {} cells", record.len());
         }
         let mut xyz = [0.0f32; 3];
         for (value, (cell, axis)) in xyz.iter_mut().zip(record.iter().zip(["x", "y", "z"])) {
@@ -220,7 +219,7 @@ pub fn points_from_csv(text: &str) -> anyhow::Result<Vec<Probe>> {
             anyhow::bail!("line {line}: `{name}` cannot be a file name");
         }
         if !names.insert(name.clone()) {
-            anyhow::bail!("line {line}: a second probe with the name `{name}`");
+            anyhow::bail!("line {line}: duplicate name `{name}`");
         }
         probes.push(Probe { name, position_m: Vec3::from_array(xyz) });
     }
@@ -243,9 +242,9 @@ mod tests {
     #[test]
     fn bad_lines_are_named() {
         let message = |text: &str| points_from_csv(text).err().unwrap().to_string();
-        assert_eq!(message("1,2\n"), "line 1: needs x,y,z and optionally a name, has 2 cells");
+        assert_eq!(message("1,2\n"), "line 1: expected x,y,z and an optional name, got 2 cells");
         assert_eq!(message("0,0,0\n1,inf,2\n"), "line 2: y is `inf`, not a finite number");
         assert_eq!(message("0,0,0,../a\n"), "line 1: `../a` cannot be a file name");
-        assert_eq!(message("0,0,0,a\n0,0,0,a\n"), "line 2: a second probe with the name `a`");
+        assert_eq!(message("0,0,0,a\n0,0,0,a\n"), "line 2: duplicate name `a`");
     }
 }

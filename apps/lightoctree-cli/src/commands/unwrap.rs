@@ -1,4 +1,4 @@
-//! `lightoctree unwrap BALL.jpg`: photos of a mirror ball → HDR panorama.
+//! `lightoctree unwrap PHOTO…`: converts photos of a mirror ball to an HDR panorama.
 
 use std::path::{Path, PathBuf};
 
@@ -23,58 +23,60 @@ use crate::{output, report};
     lightoctree unwrap ball.jpg -o room.hdr --preview\n  \
     lightoctree unwrap ball_1.jpg ball_2.jpg ball_3.jpg --exposures 0,-3,-6 --reflectance 0.55 -o room.exr\n  \
     lightoctree unwrap ball.tif --distance-m 1.5 --diameter-m 0.2 --circle 1204,980,612 -o room.hdr\n\n\
-    The panorama's centre is where the photographing camera looks. The ball hides what is there; it is filled from around.\n\
-    `lightoctree estimate photo.jpg --panorama room.hdr` takes it.")]
-#[command(mut_arg("output", |output| output.help("The panorama to write: .exr, .hdr or .pfm")))]
+    The panorama's centre is the viewing direction of the camera. The region hidden by the ball is filled from its\n\
+    surroundings. Use the panorama with `lightoctree estimate photo.jpg --panorama room.hdr`.")]
+#[command(mut_arg("output", |output| output.help("Panorama to write: .exr, .hdr or .pfm")))]
 pub struct Args {
-    /// Photos of the ball from one place, at different exposures: JPEG, PNG, TIFF, WebP, BMP, PNM (sRGB) or HDR, EXR, PFM (linear)
+    /// Photos of the ball from one position at different exposures: JPEG, PNG, TIFF, WebP, BMP, PNM (sRGB) or HDR, EXR,
+    /// PFM (linear)
     #[arg(required = true, value_name = "PHOTO")]
     photos: Vec<PathBuf>,
 
-    /// Exposure of each photo in stops relative to each other; more light is more [default: from EXIF, else from pixels that are well exposed in two photos]
+    /// Relative exposure of each photo in stops; larger is brighter [default: from EXIF, else estimated from the
+    /// photos]
     #[arg(long, value_name = "EV,EV,…", value_delimiter = ',', allow_hyphen_values = true)]
     exposures: Vec<f64>,
 
-    /// The ball's outline in pixels of the photo: middle and radius [default: found]
+    /// Outline of the ball in pixels of the photo: centre and radius [default: detected]
     #[arg(long, value_name = "X,Y,R", value_parser = parse::circle, allow_hyphen_values = true)]
     circle: Option<[f64; 3]>,
 
-    /// Horizontal field of view of the photo in degrees [default: from EXIF, else the ball is seen as from far away]
+    /// Horizontal field of view of the photo in degrees [default: from EXIF, else orthographic]
     #[arg(long, value_name = "A")]
     hfov_deg: Option<f64>,
 
-    /// From the camera to the ball's centre, instead of a field of view
+    /// Distance from the camera to the ball's centre in metres, instead of a field of view
     #[arg(long, value_name = "METRES", value_parser = parse::positive, requires = "diameter_m", conflicts_with = "hfov_deg")]
     distance_m: Option<f64>,
 
-    /// Diameter of the ball
+    /// Diameter of the ball in metres
     #[arg(long, value_name = "METRES", value_parser = parse::positive, requires = "distance_m")]
     diameter_m: Option<f64>,
 
-    /// What the ball reflects, from 0 to 1, of all light or of red, green and blue: chrome about 0.55, a silvered glass ball 0.9
+    /// Reflectance of the ball, above 0 and at most 1, as one value or R,G,B: chrome 0.55, silvered glass 0.9
     #[arg(long, value_name = "SHARE|R,G,B", default_value = "1", value_parser = parse::reflectance)]
     reflectance: [f32; 3],
 
-    /// Degrees to the right of where the camera looked to which the panorama's centre looks
+    /// Angle in degrees from the camera's viewing direction to the panorama's centre, to the right
     #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
     yaw_deg: f32,
 
-    /// Degrees by which the camera looked upwards, so that the panorama is level
+    /// Upward pitch of the camera in degrees, to make the panorama level
     #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
     pitch_deg: f32,
 
-    /// Leave out the camera and who stands behind it: a cone of this half-angle around the direction back to it, filled from around
+    /// Remove the camera and the photographer: half-angle in degrees of the cone to fill from its surroundings
     #[arg(long, value_name = "A", default_value_t = 0.0)]
     cut_out_camera_deg: f32,
 
-    /// Width and height of the panorama, twice as wide as high [default: as many pixels as the ball has]
+    /// Width and height in pixels; the width is twice the height [default: as many pixels as the ball has]
     #[arg(long, value_name = "WxH", value_parser = parse::size)]
     size: Option<[usize; 2]>,
 
     #[command(flatten)]
     file: PanoramaFileArgs,
 
-    /// Also write which pixels the photo shows: white, and black where they are filled
+    /// Also write a mask: white where the ball shows the room, black where the panorama is filled
     #[arg(long, value_name = "FILE.png")]
     mask_out: Option<PathBuf>,
 
@@ -83,14 +85,14 @@ pub struct Args {
 }
 
 const COMMAND: &str = "unwrap";
-/// Photos farther apart than this are said not to lie on each other.
+/// Misalignment of photos above which a note is printed.
 const MISALIGNED_PX: f64 = 3.0;
-/// Exposures nearer to each other than this are the same.
+/// Difference in exposure below which two photos count as equally exposed.
 const SAME_STOPS: f64 = 0.05;
-/// Exposures that differ by more than this from what the pixels say are told.
+/// Difference between given and measured exposure above which a note is printed.
 const DOUBTFUL_STOPS: f64 = 0.3;
 
-/// Reads, merges, finds, unwraps, writes.
+/// Reads and merges the photos, finds the ball, unwraps it and writes the panorama.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let preview = args.file.preview.then(|| environment::preview_path(&args.out.output));
     let outputs = [Some(&args.out.output), preview.as_ref(), args.mask_out.as_ref()];
@@ -103,7 +105,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     if !args.exposures.is_empty() && args.exposures.len() != args.photos.len() {
         let (photos, exposures) = (args.photos.len(), args.exposures.len());
-        return Err(Usage(format!("--exposures: {photos} photos need as many exposures, got {exposures}")).into());
+        return Err(Usage(format!("--exposures: {exposures} exposures for {photos} photos")).into());
     }
     let mut stages = Stages::new(global.quiet);
     let files = stages
@@ -111,11 +113,11 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let lens = lens(args, &files[0], &mut stages)?;
     let shots: Vec<_> = files.iter().map(|file| file.exposure).collect();
     let photos: Vec<Photo> = files.into_iter().map(|file| file.photo).collect();
-    let named = |error| named(args, error);
-    let (stops, source) = stops(args, &photos, &shots).map_err(named)?;
-    let merged = stages.stage("merge", || mirror_ball::merge_exposures(&photos, &stops)).map_err(named)?;
+    let with_names = |error| with_photo_names(args, error);
+    let (stops, source) = stops(args, &photos, &shots).map_err(with_names)?;
+    let merged = stages.stage("merge", || mirror_ball::merge_exposures(&photos, &stops)).map_err(with_names)?;
     if photos.len() > 1 {
-        say_exposures(args, &photos, &stops, source, &mut stages).map_err(named)?;
+        report_exposures(args, &photos, &stops, source, &mut stages).map_err(with_names)?;
     }
     let size = [photos[0].width(), photos[0].height()];
     drop(photos);
@@ -125,12 +127,12 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             (view.map_err(|error| Usage(format!("--circle: {error}")))?, None)
         }
         None => {
-            let found = stages.stage("find the ball", || mirror_ball::find_ball(&merged.radiance, lens))?;
-            let found = sure(args, found)?;
+            let found = stages.stage("find ball", || mirror_ball::find_ball(&merged.radiance, lens))?;
+            let found = confident_detection(args, found)?;
             (found.view, Some(found.confidence))
         }
     };
-    say_ball(&view, confidence, &stages);
+    report_ball(&view, confidence, &stages);
     let options = UnwrapOptions {
         size: args.size,
         reflectance: args.reflectance,
@@ -141,7 +143,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let unwrapped = stages
         .stage("unwrap", || mirror_ball::unwrap_ball(&merged, &view, &options))
         .map_err(|error| Usage(error.to_string()))?;
-    say_gaps(&unwrapped, &stages);
+    report_gaps(&unwrapped, &stages);
     stages.stage("write", || write(args, &unwrapped))?;
     if args.out.json {
         let circle = view.circle();
@@ -169,13 +171,15 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// By the best source at hand; says which.
+/// Determines the lens from the options, else from EXIF, and reports the source.
 fn lens(args: &Args, photo: &PhotoFile, stages: &mut Stages) -> anyhow::Result<BallLens> {
     let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
     if let Some((distance_m, diameter_m)) = args.distance_m.zip(args.diameter_m) {
         let radii = 2.0 * distance_m / diameter_m;
         if radii <= 1.0 {
-            let text = format!("--distance-m {distance_m}: the camera would be inside of a ball of {diameter_m} m");
+            let text = format!(
+                "--distance-m {distance_m}: the camera would be inside the ball with a diameter of {diameter_m} m"
+            );
             return Err(Usage(text).into());
         }
         return Ok(BallLens::Distance { radii });
@@ -188,20 +192,20 @@ fn lens(args: &Args, photo: &PhotoFile, stages: &mut Stages) -> anyhow::Result<B
     match photo.focal_px() {
         Some(focal_px) => {
             let hfov_deg = photo.hfov_deg().unwrap_or_default();
-            stages.note(&format!("camera of {hfov_deg:.1} degrees across (EXIF)"));
+            stages.note(&format!("horizontal field of view {hfov_deg:.1}° (EXIF)"));
             Ok(BallLens::Focal { focal_px })
         }
         None => {
             stages.note(
-                "nothing says how wide the lens is, so the ball is taken to be seen from far away; \
-                 give --hfov-deg, or --distance-m and --diameter-m",
+                "the field of view is unknown, so the projection is assumed to be orthographic; set it with --hfov-deg, \
+                 or with --distance-m and --diameter-m",
             );
             Ok(BallLens::Orthographic)
         }
     }
 }
 
-/// Stops of each photo relative to the first, and where they come from.
+/// Determines the exposure of each photo in stops relative to the first, and names the source.
 fn stops(
     args: &Args,
     photos: &[Photo],
@@ -219,14 +223,15 @@ fn stops(
     }
 }
 
+/// Source of exposures that are neither given nor in EXIF.
 const ESTIMATED: &str = "estimated from pixels that are well exposed in two photos";
 
-/// The error with the photos' names.
-fn named(args: &Args, error: BallError) -> anyhow::Error {
+/// Replaces indices of photos in an error by their names.
+fn with_photo_names(args: &Args, error: BallError) -> anyhow::Error {
     let name = |photo: usize| args.photos.get(photo).map_or_else(String::new, |path| path.display().to_string());
     match &error {
         BallError::Sizes { photo, size, first } => anyhow::anyhow!(
-            "{}: {} × {} pixels, but {} has {} × {}; all photos must be of one size",
+            "{}: {} × {} pixels, but {} has {} × {}; all photos must have the same size",
             name(*photo),
             size[0],
             size[1],
@@ -239,7 +244,7 @@ fn named(args: &Args, error: BallError) -> anyhow::Error {
         }
         BallError::NothingInCommon { photos, pixels } => anyhow::anyhow!(
             "{} and {} have only {pixels} samples that are well exposed in both, too few to compare their exposures; \
-             give --exposures",
+             set them with --exposures",
             name(photos[0]),
             name(photos[1])
         ),
@@ -248,8 +253,8 @@ fn named(args: &Args, error: BallError) -> anyhow::Error {
     }
 }
 
-/// Where exposures come from, and what is odd about them.
-fn say_exposures(
+/// Reports the exposures, their source and possible problems.
+fn report_exposures(
     args: &Args,
     photos: &[Photo],
     stops: &[f64],
@@ -257,11 +262,15 @@ fn say_exposures(
     stages: &mut Stages,
 ) -> Result<(), BallError> {
     let list: Vec<String> = stops.iter().map(|stop| format!("{stop:+.2}")).collect();
-    stages.note(&format!("exposures {} EV ({source}); the photos' tone curve is taken to be sRGB", list.join(", ")));
+    stages.note(&format!("exposures {} EV ({source}); the photos' tone curve is assumed to be sRGB", list.join(", ")));
     let name = |photo: usize| args.photos[photo].display();
     for (a, b) in (0..stops.len()).flat_map(|a| (a + 1..stops.len()).map(move |b| (a, b))) {
         if (stops[a] - stops[b]).abs() < SAME_STOPS {
-            stages.note(&format!("{} and {} have the same exposure: that widens no range", name(a), name(b)));
+            stages.note(&format!(
+                "{} and {} have the same exposure, which does not extend the dynamic range",
+                name(a),
+                name(b)
+            ));
         }
     }
     if source != ESTIMATED
@@ -271,7 +280,7 @@ fn say_exposures(
             (0..stops.len()).max_by(|&a, &b| (measured[a] - stops[a]).abs().total_cmp(&(measured[b] - stops[b]).abs()));
         if let Some(photo) = worst.filter(|&photo| (measured[photo] - stops[photo]).abs() > DOUBTFUL_STOPS) {
             stages.note(&format!(
-                "{}: {:+.2} EV by {source}, but its pixels say {:+.2}; another tone curve than sRGB, or something moved",
+                "{}: {:+.2} EV by {source}, but {:+.2} EV by its pixels; its tone curve may not be sRGB, or something moved",
                 name(photo),
                 stops[photo],
                 measured[photo]
@@ -282,7 +291,7 @@ fn say_exposures(
     for (photo, pixels) in apart.into_iter().enumerate() {
         match pixels {
             Some(pixels) if pixels > MISALIGNED_PX => stages.note(&format!(
-                "{} lies about {pixels:.0} pixels from {}: what is merged will be blurred",
+                "{} is shifted by about {pixels:.0} pixels against {}: the panorama will be blurred",
                 name(photo),
                 name(0)
             )),
@@ -292,8 +301,8 @@ fn say_exposures(
     Ok(())
 }
 
-/// The find, where it is one.
-fn sure(args: &Args, found: Option<BallDetection>) -> anyhow::Result<BallDetection> {
+/// Returns the detection if it is confident enough.
+fn confident_detection(args: &Args, found: Option<BallDetection>) -> anyhow::Result<BallDetection> {
     let photo = args.photos[0].display();
     match found {
         Some(found) if found.confidence >= BallDetection::MIN_CONFIDENCE => Ok(found),
@@ -301,36 +310,36 @@ fn sure(args: &Args, found: Option<BallDetection>) -> anyhow::Result<BallDetecti
             let BallCircle { x, y, radius_px } = view.circle();
             anyhow::bail!(
                 "{photo}: no ball was found; the best circle, at ({x:.0}, {y:.0}) with a radius of {radius_px:.0} pixels, \
-                 has a confidence of {confidence:.2} only. Give --circle X,Y,R"
+                 has a confidence of only {confidence:.2}; set the outline with --circle X,Y,R"
             )
         }
-        None => anyhow::bail!("{photo}: no ball was found, nor any other circle. Give --circle X,Y,R"),
+        None => anyhow::bail!("{photo}: no ball was found; set the outline with --circle X,Y,R"),
     }
 }
 
-fn say_ball(view: &BallView, confidence: Option<f64>, stages: &Stages) {
+fn report_ball(view: &BallView, confidence: Option<f64>, stages: &Stages) {
     let BallCircle { x, y, radius_px } = view.circle();
     let found = match confidence {
-        Some(confidence) => format!("found, confidence {confidence:.2}"),
+        Some(confidence) => format!("detected, confidence {confidence:.2}"),
         None => "--circle".to_owned(),
     };
-    let seen = match view.focal_px() {
-        Some(_) => format!(", seen under {:.1} degrees", 2.0 * view.hidden_half_angle_rad().to_degrees()),
+    let extent = match view.focal_px() {
+        Some(_) => format!(", angular diameter {:.1}°", 2.0 * view.hidden_half_angle_rad().to_degrees()),
         None => String::new(),
     };
-    stages.note(&format!("ball at ({x:.1}, {y:.1}) with a radius of {radius_px:.1} pixels ({found}){seen}"));
+    stages.note(&format!("ball at ({x:.1}, {y:.1}) with a radius of {radius_px:.1} pixels ({found}){extent}"));
 }
 
-fn say_gaps(unwrapped: &UnwrappedBall, stages: &Stages) {
+fn report_gaps(unwrapped: &UnwrappedBall, stages: &Stages) {
     let UnwrappedBall { filled_share, coarse_share, clipped_share, .. } = unwrapped;
     stages.note(&format!(
-        "{:.1} % of the sphere is not on the ball and was filled from around; {:.1} % is near the ball's rim, where it is coarse",
+        "{:.1} % of the panorama is not visible in the ball and was filled; {:.1} % is near the rim, where resolution is low",
         100.0 * filled_share,
         100.0 * coarse_share
     ));
     if *clipped_share > 0.0 {
         stages.note(&format!(
-            "{:.2} % of the ball is clipped in every photo: its light there is a lower bound; a shorter exposure would tell",
+            "{:.2} % of the ball is clipped in every photo, so its radiance is a lower bound; add a shorter exposure",
             100.0 * clipped_share
         ));
     }
@@ -339,9 +348,9 @@ fn say_gaps(unwrapped: &UnwrappedBall, stages: &Stages) {
 fn write(args: &Args, unwrapped: &UnwrappedBall) -> anyhow::Result<()> {
     environment::write(&args.out.output, &unwrapped.radiance, None, &args.file, COMMAND)?;
     if let Some(path) = &args.mask_out {
-        let mask = unwrapped.observed.map(|&known| [known; 3]);
+        let mask = unwrapped.observed.map(|&observed| [observed; 3]);
         let turned = imaging::reorient(&mask, Orientation::Lightoctree, args.file.orientation);
-        let grey: Image<[u8; 3]> = turned.map(|known| known.map(|v| (255.0 * v + 0.5) as u8));
+        let grey: Image<[u8; 3]> = turned.map(|observed| observed.map(|v| (255.0 * v + 0.5) as u8));
         write_mask(path, &grey)?;
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! A sequence as video: YUV4MPEG2, uncompressed, which every encoder reads from a file or a pipe.
+//! Writes a sequence as an uncompressed YUV4MPEG2 video, which encoders read from a file or a pipe.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -7,26 +7,26 @@ use anyhow::Context;
 use lightoctree::imaging::{Photo, Y4mWriter};
 use tempfile::NamedTempFile;
 
-/// The name that stands for standard output.
+/// File name of standard output.
 const STDOUT: &str = "-";
 
-/// Frames of one size, written one by one.
+/// A video that is written frame by frame.
 pub struct Video {
     writer: Y4mWriter<Box<dyn Write>>,
-    /// The file under another name, and where it goes at the end; nothing for standard output.
+    /// The temporary file and its final path; `None` for standard output.
     file: Option<(NamedTempFile, PathBuf)>,
 }
 
 impl Video {
-    /// Whether a name asks for a video: `-` or `*.y4m`.
-    pub fn is_asked(output: &Path) -> bool {
+    /// Whether an output path selects a video: `-` or `*.y4m`.
+    pub fn is_video(output: &Path) -> bool {
         is_stdout(output) || output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("y4m"))
     }
 
-    /// Begins a video of `size` pixels. A file appears when it is finished.
+    /// Starts a video with frames of `size` pixels. The file appears when the video is finished.
     ///
     /// # Errors
-    /// Where nothing can be written.
+    /// The file cannot be written.
     pub fn create(output: &Path, size: (usize, usize), frames_per_second: u32) -> anyhow::Result<Self> {
         let (target, file): (Box<dyn Write>, _) = if is_stdout(output) {
             (Box::new(io::stdout()), None)
@@ -40,18 +40,18 @@ impl Video {
         Ok(Self { writer, file })
     }
 
-    /// Adds a frame.
+    /// Writes a frame.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// The frame cannot be written.
     pub fn add(&mut self, photo: &Photo) -> anyhow::Result<()> {
         self.writer.add(photo).context("cannot write a frame of the video")
     }
 
-    /// Writes what is left, and gives the file its name.
+    /// Flushes the output and moves the file to its final path.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// The file cannot be written.
     pub fn finish(self) -> anyhow::Result<()> {
         match self.file {
             Some((file, path)) => {
@@ -63,7 +63,7 @@ impl Video {
     }
 }
 
-/// Whether a name stands for standard output.
+/// Whether an output path is standard output.
 pub fn is_stdout(output: &Path) -> bool {
     output == Path::new(STDOUT)
 }

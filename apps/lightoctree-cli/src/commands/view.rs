@@ -1,4 +1,4 @@
-//! `lightoctree view [SCENE|PHOTO]`: a page to move objects and light in.
+//! `lightoctree view [SCENE|PHOTO]`: serves the viewer, a web page to move objects and edit lights.
 
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
@@ -26,12 +26,12 @@ use crate::{interrupt, report};
     lightoctree view photo.jpg --depth-model moge-2-vits-normal.onnx\n  \
     lightoctree view\n  \
     lightoctree view room.scene --bind 0.0.0.0 --port 8080 --token a-long-secret-of-mine\n\n\
-    The page is served to this machine alone, under an address with a random token, until Ctrl-C. docs/viewer.md tells what can be done in it.")]
+    The page is served until Ctrl-C, only to this machine, at an address with a random token. docs/viewer.md describes it.")]
 pub struct Args {
-    /// A scene file, or a photo whose scene is estimated first; without, the page takes one
+    /// Scene file, or photo to estimate [default: dropped into the page]
     input: Option<PathBuf>,
 
-    /// Measured depth of the photo's view: 16-bit PNG in millimetres, or EXR, PFM, TIFF, NPY in metres
+    /// Measured depth of the photo: 16-bit PNG in millimetres, or EXR, PFM, TIFF, NPY in metres
     #[arg(long, value_name = "FILE", requires = "input")]
     depth: Option<PathBuf>,
 
@@ -39,11 +39,11 @@ pub struct Args {
     #[command(flatten)]
     depth_model: DepthModelArgs,
 
-    /// A panorama of the room, whose light is laid onto what the photo does not show
+    /// Equirectangular panorama of the room, which lights unobserved regions
     #[arg(long, value_name = "FILE", requires = "input")]
     panorama: Option<PathBuf>,
 
-    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else guessed from the photo]
+    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else estimated from the photo]
     #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, requires = "input")]
     intrinsics: Option<[f64; 4]>,
 
@@ -51,30 +51,30 @@ pub struct Args {
     #[arg(long)]
     open: bool,
 
-    /// The port [default: a free one]
+    /// Port [default: a free one]
     #[arg(long, value_name = "N")]
     port: Option<u16>,
 
-    /// Listen at this address instead of this machine's own: whoever can reach it and knows the token can use the page
+    /// IP address to listen on; anyone who can reach it and has the token can use the page [default: this machine only]
     #[arg(long, value_name = "ADDRESS", requires = "token")]
     bind: Option<IpAddr>,
 
-    /// The address of a proxy or tunnel through which browsers reach the page, such as https://light.example
+    /// URL of a proxy or tunnel through which browsers reach the page, such as https://light.example
     #[arg(long, value_name = "URL")]
     public_origin: Option<PublicOrigin>,
 
-    /// The token in the address, 16 letters, digits and hyphens at least [default: a random one]
+    /// Token in the address: 16 to 200 letters, digits and hyphens [default: random]
     #[arg(long, value_name = "TOKEN", value_parser = token)]
     token: Option<String>,
 }
 
-/// Serves until Ctrl-C.
+/// Serves the page until Ctrl-C.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let estimator: Option<MakeEstimator> = cfg!(feature = "weights")
         .then(|| Arc::new(|| super::estimator(None).map_err(|error| format!("{error:#}"))) as MakeEstimator);
     if args.input.is_none() && has_depth_model(args) {
-        let why = "--depth-model needs a photo on the command line; the page takes one of its own";
-        return Err(Usage(why.into()).into());
+        let message = "--depth-model needs a photo on the command line; without one, drop the model into the page";
+        return Err(Usage(message.into()).into());
     }
     let source = args.input.as_deref().map(|input| source(input, args, estimator.as_ref())).transpose()?;
     let options = Options {
@@ -90,45 +90,48 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let ready = move |address: &str| {
         report::print(address);
         if !quiet {
-            eprintln!("  note: the page is served until Ctrl-C");
+            eprintln!("  note: press Ctrl-C to stop the viewer");
         }
         if open && let Err(error) = open_in_browser(address) {
-            eprintln!("  note: no browser could be opened: {error}");
+            eprintln!("  note: cannot open a browser: {error}");
         }
     };
-    Ok(lo_viewer::run(options, ready, interrupt::asked)?)
+    Ok(lo_viewer::run(options, ready, interrupt::requested)?)
 }
 
-/// What is opened first: scenes are known by their content.
+/// Reads the scene or photo to open. Scenes are recognised by their content.
 fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyhow::Result<Source> {
     let bytes = read(input)?;
     if is_scene(&bytes) {
-        let of_photo =
+        let has_photo_options =
             args.depth.is_some() || has_depth_model(args) || args.panorama.is_some() || args.intrinsics.is_some();
-        if of_photo {
-            let why = "--depth, --depth-model, --panorama and --intrinsics belong to a photo, and this is a scene";
-            return Err(Usage(why.into()).into());
+        if has_photo_options {
+            let message =
+                "--depth, --depth-model, --panorama and --intrinsics apply to photos, but the input is a scene";
+            return Err(Usage(message.into()).into());
         }
         return Ok(Source::Scene { file: input.display().to_string(), bytes, is_saved: true });
     }
     let Some(estimator) = estimator else {
-        return Err(
-            Usage("this program was built without weights (feature `weights`): it opens scenes alone".into()).into()
-        );
+        return Err(Usage(
+            "this program was built without weights (feature `weights`) and cannot estimate photos; open a scene"
+                .into(),
+        )
+        .into());
     };
     let file = |path: &Path, bytes: Vec<u8>| NamedFile {
         name: path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned()),
         bytes,
     };
-    let beside = |path: &Option<PathBuf>| {
+    let optional = |path: &Option<PathBuf>| {
         path.as_deref().map(|path| Ok::<_, anyhow::Error>(file(path, read(path)?))).transpose()
     };
     Ok(Source::Photo(PhotoSource {
         photo: file(input, bytes),
-        depth: beside(&args.depth)?,
+        depth: optional(&args.depth)?,
         #[cfg(feature = "depth-models")]
         depth_model: depth_model(&args.depth_model),
-        panorama: beside(&args.panorama)?,
+        panorama: optional(&args.panorama)?,
         intrinsics: args.intrinsics,
         estimator: estimator.clone(),
     }))
@@ -144,7 +147,7 @@ fn has_depth_model(_: &Args) -> bool {
     false
 }
 
-/// Name and reader of the model, where there is one.
+/// Returns name and reader of the model, if one is given.
 #[cfg(feature = "depth-models")]
 fn depth_model(args: &DepthModelArgs) -> Option<(String, ReadDepthModel)> {
     let (args, path) = (args.clone(), args.path()?.to_owned());
@@ -156,7 +159,7 @@ fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
     std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
-/// A safetensors file: the length of a JSON object, and that object.
+/// Whether a file is in safetensors format: 8 bytes of length, then a JSON object.
 fn is_scene(bytes: &[u8]) -> bool {
     bytes.get(8) == Some(&b'{')
 }
@@ -179,6 +182,6 @@ fn token(text: &str) -> Result<String, String> {
     if (16..=200).contains(&text.len()) && is_plain {
         Ok(text.to_owned())
     } else {
-        Err("a token has 16 to 200 letters, digits and hyphens".to_owned())
+        Err("a token consists of 16 to 200 letters, digits and hyphens".to_owned())
     }
 }

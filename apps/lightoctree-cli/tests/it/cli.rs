@@ -1,4 +1,4 @@
-//! The program as a user runs it: every command, what it writes, what it refuses and how.
+//! Runs every command as a user does, and checks outputs and errors.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use crate::support::{done, json, refused};
 
 const SIZE: (usize, usize) = (144, 96);
 
-/// A folder with photo.png and depth.png of a floor 1.2 m below the camera and a wall 3 m before it, and their scene.
+/// Creates a folder with photo.png and depth.png of a floor 1.2 m below the camera and a wall 3 m in front of it.
 pub fn room() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let (width, height) = SIZE;
@@ -36,6 +36,7 @@ pub fn room() -> TempDir {
     folder
 }
 
+/// Creates [`room`] with its estimate in room.scene.
 pub fn room_with_scene() -> TempDir {
     let folder = room();
     let estimate = ["estimate", "photo.png", "--depth", "depth.png", "--hfov-deg", "65", "--completion", "shell"];
@@ -43,7 +44,7 @@ pub fn room_with_scene() -> TempDir {
     folder
 }
 
-/// [`room_with_scene`] as a network would have completed it that expects light from above to the right.
+/// Creates [`room_with_scene`] as if completed by a network that expects light from the upper right.
 pub fn room_with_expected_light() -> TempDir {
     let folder = room_with_scene();
     let path = folder.path().join("room.scene");
@@ -59,7 +60,7 @@ pub fn room_with_expected_light() -> TempDir {
     folder
 }
 
-/// A tetrahedron of about a unit's size.
+/// Writes a tetrahedron of about unit size to object.obj.
 pub fn write_mesh(folder: &Path) -> PathBuf {
     let path = folder.join("object.obj");
     let text = "v 0 0 0.6\nv 0.5 0 -0.3\nv -0.5 0 -0.3\nv 0 0.8 0\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
@@ -123,7 +124,7 @@ fn envmap_writes_panorama_depth_and_light() {
     assert_eq!((panorama.width(), panorama.height()), (128, 64));
     // The middle shows the wall: 160 of 255 is 0.3515 in linear light.
     assert!((panorama[(64, 30)][1] - 0.3515).abs() < 0.02, "{:?}", panorama[(64, 30)]);
-    // Straight down lies the floor, 0.8 m below; the wall is 1.5 m away. A leaf is some 5 cm.
+    // The floor is 0.8 m below, the wall 1.5 m away. A leaf is about 5 cm.
     let distance_m = imaging::read_depth(path("distance.exr"), None).unwrap();
     assert!((distance_m[(64, 63)] - 0.8).abs() < 0.1, "{}", distance_m[(64, 63)]);
     assert!((distance_m[(64, 32)] - 1.5).abs() < 0.1, "{}", distance_m[(64, 32)]);
@@ -131,7 +132,7 @@ fn envmap_writes_panorama_depth_and_light() {
     let sh = json(&std::fs::read_to_string(path("sh.json")).unwrap());
     assert_eq!(sh["generator"], "lightoctree envmap");
     assert!(json(&std::fs::read_to_string(path("light.json")).unwrap()).get("main_light").is_some());
-    // Its own result is replaced, another command's is not.
+    // The command overwrites its own result, but not another command's.
     done(
         folder.path(),
         &["envmap", "room.scene", "--pixel", "72,80", "--size", "64x32", "--cubemap", "-o", "light.exr"],
@@ -209,13 +210,13 @@ fn lights_are_listed_changed_and_reset() {
     };
     let (before, plain) = (read("room.scene"), panorama("room.scene", "plain.pfm", &[]));
 
-    // The whole way of an added light.
+    // An added light, from adding to removing it.
     let add = ["lights", "add", "area", "room.scene", "--at", "0.3,0.4,-1.5", "--radius", "0.1", "--radiance", "50"];
     let listed = json(&done(at, &[&add[..], &["--color", "3000K", "-o", "lit.scene", "--json"]].concat()));
     let light = listed["lights"].as_array().unwrap().last().unwrap();
     assert_eq!((&light["id"], &light["kind"], &light["origin"]), (&"A1".into(), &"area".into(), &"added".into()));
     assert!((light["color_temperature_k"].as_f64().unwrap() / 3000.0 - 1.0).abs() < 0.02);
-    assert!(read("room.scene") == before, "--output leaves the scene as it is");
+    assert!(read("room.scene") == before, "--output does not change the input");
     let lit = panorama("lit.scene", "lit.pfm", &[]);
     assert!(lit != plain && panorama("lit.scene", "none.pfm", &["--without-emitters"]) != lit);
     assert!(done(at, &["inspect", "lit.scene"]).contains("lights   edited: none; added: A1"));
@@ -232,7 +233,7 @@ fn lights_are_listed_changed_and_reset() {
     done(at, &["lights", "reset", "lit.scene"]);
     assert!(read("lit.scene") == before, "without edits the bytes are the estimate's");
 
-    // What cannot be done is said.
+    // Errors.
     let message = refused(at, 1, &["lights", "set", "room.scene", "L99", "--off"]);
     assert!(message.contains("the scene has no light L99; it has"), "{message}");
     let message = refused(at, 2, &["lights", "set", "room.scene", "A1"]);
@@ -243,9 +244,9 @@ fn lights_are_listed_changed_and_reset() {
     assert!(message.contains("--direction"), "{message}");
     let sun = |direction: &[&'static str]| [&["lights", "add", "sun", "room.scene"][..], direction].concat();
     let message = refused(at, 2, &sun(&["--shadow", "72,10,72,9000"]));
-    assert!(message.contains("72,9000 lies outside of the photo"), "{message}");
+    assert!(message.contains("72,9000 is outside the photo"), "{message}");
     let message = refused(at, 2, &sun(&["--shadow", "72,90,72,10"]));
-    assert!(message.contains("name the thing's pixel first"), "{message}");
+    assert!(message.contains("give the occluder's pixel first"), "{message}");
     let message = refused(at, 2, &sun(&["--shadow", "72,10,72,90"]));
     assert!(message.contains("no edge of a sun patch") && message.contains("--strength"), "{message}");
     let message = refused(at, 2, &sun(&["--azimuth", "10", "--elevation", "40"]));
@@ -288,7 +289,7 @@ fn insert_changes_the_photo_only_where_the_object_acts() {
         &[&sequence[..], &["--path", "path.json", "--frames", "3", "-o", "frame.png"]].concat(),
     );
     assert!(message.contains("%04d"), "{message}");
-    // The same frames as video: a header, then for each a line and three planes.
+    // The frames as video: a header, then a line and three planes for each frame.
     done(
         folder.path(),
         &[&sequence[..], &["--path", "path.json", "--frames", "3", "--fps", "12", "-o", "clip.y4m"]].concat(),
@@ -323,7 +324,7 @@ fn several_objects_come_from_the_command_line_or_a_layout() {
     let names: Vec<&str> = flags["objects"].as_array().unwrap().iter().map(|o| o["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["object", "object 2"]);
     assert!((flags["objects"][1]["yaws_deg"][0].as_f64().unwrap() - 30.0).abs() < 1e-3, "{flags}");
-    // A layout in a folder of its own names its files from there.
+    // Paths in a layout are relative to its folder.
     std::fs::create_dir(at.join("layouts")).unwrap();
     let layout = r#"{"objects": [
         {"mesh": "../object.obj", "pixel": [50, 80], "height_m": 0.3, "material": "gold"},
@@ -333,7 +334,7 @@ fn several_objects_come_from_the_command_line_or_a_layout() {
     assert_eq!(file["objects"][1]["name"], "small");
     let pixels = |file: &str| imaging::read_rgba8(at.join(file)).unwrap();
     assert_eq!(pixels("flags.png"), pixels("file.png"));
-    // Where only one of both is, it is as it is alone.
+    // Pixels affected by only one object are as with this object alone.
     insert(&first, "first.png");
     insert(&second, "second.png");
     let [photo, both, first_alone, second_alone] = ["photo.png", "flags.png", "first.png", "second.png"].map(pixels);
@@ -350,10 +351,10 @@ fn several_objects_come_from_the_command_line_or_a_layout() {
         }
     }
     assert!(of_first > 50 && of_second > 20, "{of_first} {of_second}");
-    // One moves and carries the other.
-    let way = r#"{"keyframes": [{"time_s": 0, "pixel": [50, 80]}, {"time_s": 1, "pixel": [90, 80]}]}"#;
-    std::fs::write(at.join("layouts/way.json"), way).unwrap();
-    let moving = r#"[{"mesh": "../object.obj", "name": "car", "path": "way.json", "height_m": 0.3},
+    // One object moves and carries the other.
+    let path = r#"{"keyframes": [{"time_s": 0, "pixel": [50, 80]}, {"time_s": 1, "pixel": [90, 80]}]}"#;
+    std::fs::write(at.join("layouts/path.json"), path).unwrap();
+    let moving = r#"[{"mesh": "../object.obj", "name": "car", "path": "path.json", "height_m": 0.3},
         {"mesh": "../object.obj", "on": "car", "height_m": 0.1}]"#;
     std::fs::write(at.join("layouts/moving.json"), moving).unwrap();
     let moved = insert(&["--layout", "layouts/moving.json", "--frames", "3"], "frame_%02d.png");
@@ -362,11 +363,11 @@ fn several_objects_come_from_the_command_line_or_a_layout() {
     assert!((0..3).all(|i| at.join(format!("frame_0{i}.png")).is_file()));
     for (objects, code, words) in [
         (&["--layout", "layouts/moving.json"][..], 2, "car moves along a path"),
-        (&["--layout", "layouts/two.json", "--frames", "3"], 2, "nothing moves"),
+        (&["--layout", "layouts/two.json", "--frames", "3"], 2, "no object moves"),
         (&["--layout", "layouts/none.json"], 1, "none.json"),
         (&["--layout", "photo.png"], 1, "photo.png"),
         (&["--layout", "layouts/two.json", "--mesh", "object.obj"], 2, "--layout"),
-        (&["--mesh", "object.obj", "--pixel", "50,80", "--mesh", "object.obj"], 2, "say where object.obj stands"),
+        (&["--mesh", "object.obj", "--pixel", "50,80", "--mesh", "object.obj"], 2, "object.obj has no position"),
         (&["--mesh", "object.obj", "--pixel", "50,80", "--mesh", "object.obj", "--pixel", "500,80"], 1, "object 2"),
         (&["--mesh", "object.obj", "--pixel", "50,80", "--orientation", "blender"], 2, "--lighting envmap"),
     ] {
@@ -419,7 +420,7 @@ fn a_panorama_in_another_programs_axes_lights_as_in_ours() {
 }
 
 #[test]
-fn a_picture_that_is_not_waited_for_is_of_normal_quality() {
+fn an_image_stopped_by_the_time_limit_is_of_normal_quality() {
     let folder = room_with_scene();
     let at = folder.path();
     write_mesh(at);
@@ -446,7 +447,7 @@ fn objects_stand_upright_and_panoramas_are_level_where_the_camera_is_tilted() {
     let folder = room();
     let at = folder.path();
     write_mesh(at);
-    // Said to be pitched down by 20°: up leans towards the viewer.
+    // Pitched down by 20°: the up direction leans towards the viewer.
     let (sin, cos) = 20f32.to_radians().sin_cos();
     let up = format!("0,{cos},{sin}");
     let estimate = ["estimate", "photo.png", "--depth", "depth.png", "--hfov-deg", "65", "--completion", "shell"];
@@ -462,7 +463,7 @@ fn objects_stand_upright_and_panoramas_are_level_where_the_camera_is_tilted() {
     assert!((height - f64::from(-0.4 * cos - sin)).abs() < 1e-4, "{level}");
     let light = json(&std::fs::read_to_string(at.join("light.json")).unwrap());
     assert_eq!(light["camera"], level["camera"]);
-    // What was straight ahead lies 20° lower: 20 / 180 of the rows.
+    // The pixel straight ahead moves down by 20°: 20 / 180 of the rows.
     let [own, level] = ["own.exr", "level.exr"].map(|file| imaging::read_radiance(at.join(file)).unwrap());
     let (ahead, lower) = (own[(32, 16)], level[(32, 19)]);
     let near = |a: f32, b: f32| (a - b).abs() < 0.1 * a.max(b);
@@ -479,10 +480,10 @@ fn objects_stand_upright_and_panoramas_are_level_where_the_camera_is_tilted() {
     }
     let [gravity, none] = ["gravity.png", "none.png"].map(|file| std::fs::read(at.join(file)).unwrap());
     assert_ne!(gravity, none);
-    // Without a known up nothing can be levelled.
+    // Without an up direction, --level fails.
     done(at, &[&estimate[..6], &["--completion", "none", "-o", "seen.scene"]].concat());
     let message = refused(at, 2, &["envmap", "seen.scene", "--at", "0,0,-1", "--level", "-o", "none.exr"]);
-    assert!(message.contains("which way is up"), "{message}");
+    assert!(message.contains("no up direction"), "{message}");
 }
 
 #[test]
@@ -496,7 +497,7 @@ fn export_writes_all_three_formats() {
         );
         assert!(json(&text)["points"].as_u64().unwrap() > 100, "{text}");
         assert!(folder.path().join(&file).is_file());
-        done(folder.path(), &["export", "room.scene", "--to", format, "-o", &file]); // replaces its own
+        done(folder.path(), &["export", "room.scene", "--to", format, "-o", &file]); // overwrites its own result
     }
 }
 
@@ -568,7 +569,7 @@ fn a_photo_alone_is_enough() {
     assert_eq!(summary["octree"]["depth"], 7);
 }
 
-/// The photo that the program carries, with LiDAR depth and without: the library's defaults are the command line's.
+/// The library's defaults are those of the command line, for the bundled photo with and without LiDAR depth.
 #[cfg(feature = "weights")]
 #[test]
 fn library_and_program_write_the_same_bytes() {
@@ -642,7 +643,7 @@ fn wrong_weights_are_named() {
 }
 
 #[test]
-fn what_cannot_be_done_is_said_with_the_right_exit_code() {
+fn errors_have_a_message_and_the_right_exit_code() {
     let folder = room_with_scene();
     let at = folder.path();
     let message = refused(
@@ -659,7 +660,7 @@ fn what_cannot_be_done_is_said_with_the_right_exit_code() {
     let message = refused(at, 1, &["inspect", "photo.png"]);
     assert!(message.contains("photo.png"), "{message}");
     let message = refused(at, 2, &["envmap", "room.scene", "--at", "0,0,-1", "--size", "100x100", "-o", "a.exr"]);
-    assert!(message.contains("twice as wide"), "{message}");
+    assert!(message.contains("must be twice its height"), "{message}");
     let message = refused(at, 1, &["envmap", "room.scene", "--at", "0,0,-1", "-o", "a.gif"]);
     assert!(message.contains(".exr"), "{message}");
     let message = refused(at, 1, &["envmap", "room.scene", "--pixel", "9999,3", "-o", "a.exr"]);

@@ -1,5 +1,5 @@
-//! `estimate --depth-model` with models that know the answer, and with such as are none. `crates/learn/lo_depth_models/tests/fixtures/README.md` says what
-//! the files are.
+//! `estimate --depth-model` with models whose output is known, and with invalid models.
+//! `crates/learn/lo_depth_models/tests/fixtures/README.md` describes the files.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,7 +17,7 @@ fn fixture(name: &str) -> String {
     path.to_string_lossy().into_owned()
 }
 
-/// A folder with photo.png, 320 × 240, and two configs.
+/// Creates a folder with photo.png, 320 × 240, and two configs.
 fn photo() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let photo = Image::from_fn(320, 240, |x, y| [(x / 2) as u8, (y / 2) as u8, 120]);
@@ -33,7 +33,9 @@ fn estimate<'a>(model: &'a str, more: &[&'a str]) -> Vec<&'a str> {
         .concat()
 }
 
-/// The scene's depth against `1 / z`; `u` and `v` run from 0 to 1 across the photo. All that is read is within a percent, and most is read.
+/// Compares the scene's depth with `1 / inverse(u, v)`, where `u` and `v` range from 0 to 1 across the photo.
+///
+/// Over 95 % of the pixels must have a reading, and all readings must agree within a percent.
 fn assert_plane(folder: &Path, inverse: impl Fn(f64, f64) -> f64) -> Arc<Estimate> {
     let scene = Document::read(&folder.join("room.scene")).unwrap().estimate;
     let depth_m = &scene.frame.depth_m;
@@ -49,13 +51,13 @@ fn assert_plane(folder: &Path, inverse: impl Fn(f64, f64) -> f64) -> Arc<Estimat
     scene
 }
 
-/// The plane of the fixtures.
+/// Inverse depth of the plane in the fixtures.
 fn plane(u: f64, v: f64) -> f64 {
     0.5 + 0.1 * u - 0.25 * v
 }
 
 #[test]
-fn the_plane_that_a_model_knows_is_in_the_scene() {
+fn the_depth_of_a_model_is_in_the_scene() {
     let folder = photo();
     let folder = folder.path();
     for (model, more) in [
@@ -67,21 +69,22 @@ fn the_plane_that_a_model_knows_is_in_the_scene() {
         done(folder, &estimate(&fixture(model), more));
         let scene = assert_plane(folder, plane);
         assert!((scene.frame.camera.hfov_deg() - 50.0).abs() < 1e-6);
-        assert!(scene.origin.predicted_depth, "it was no sensor");
+        assert!(scene.origin.predicted_depth, "depth was predicted");
     }
-    // Metric3D sees the photo in the middle of a wider picture, and its depth goes by the lens: 60 degrees is what makes it the plane.
+    // Metric3D sees the photo in the middle of a wider image, and its depth scales with the focal length: 60° gives the
+    // plane.
     done(folder, &estimate(&fixture("plane_metric3d.onnx"), &["--hfov-deg", "60"]));
     assert_plane(folder, |u, v| plane((121.0 + 821.0 * u) / 1064.0, v));
 }
 
 #[test]
-fn the_lens_that_a_model_tells_is_the_scenes_unless_one_is_given() {
+fn the_lens_of_a_model_is_used_unless_one_is_given() {
     let folder = photo();
     let folder = folder.path();
     let model = fixture("plane_moge2.onnx");
     done(folder, &estimate(&model, &[]));
     let scene = assert_plane(folder, plane);
-    // Built in as 60 degrees
+    // The fixture's field of view is 60°.
     assert!((scene.frame.camera.hfov_deg() - 60.0).abs() < 0.6, "{}", scene.frame.camera.hfov_deg());
     let summary = done(folder, &["inspect", "room.scene"]);
     assert!(summary.contains("MoGe-2 (plane_moge2.onnx)"), "{summary}");
@@ -91,12 +94,12 @@ fn the_lens_that_a_model_tells_is_the_scenes_unless_one_is_given() {
 }
 
 #[test]
-fn models_of_no_use_end_in_a_clear_error() {
+fn invalid_models_end_in_a_clear_error() {
     let folder = photo();
     let folder = folder.path();
     let metric = ["--depth-model-config", "metric.toml"];
     let unknown = refused(folder, 2, &estimate(&fixture("odd_unknown.onnx"), &[]));
-    // Inputs and outputs with shapes, and what to fill in
+    // Inputs and outputs with shapes, and a template of the config.
     for part in ["[1, 3, 224, 224]", "logits", "kind = \"metric\"", "--depth-model-config"] {
         assert!(unknown.contains(part), "{part} in {unknown}");
     }
@@ -145,7 +148,7 @@ fn the_viewer_takes_depth_models() {
         }
         assert_eq!(viewer.upload("photo", "photo.png", &photo).0, 204);
     };
-    // What it takes and gives is not known: the page shows what to fill in.
+    // An unknown model: the page shows a template of the config.
     open("odd_unknown.onnx", None);
     let (failed, _) = page.receive("why not", |message| message["type"] == "empty" && message["error"].is_string());
     let why = failed["error"].as_str().unwrap();
@@ -167,6 +170,6 @@ fn the_viewer_takes_depth_models() {
     let viewer = Viewer::start(folder, &["photo.png", "--depth-model", &model]);
     let (scene, _) = viewer.page().receive("the scene", |message| message["type"] == "scene");
     let across = scene["camera"]["width"].as_f64().unwrap() / (2.0 * scene["camera"]["fx"].as_f64().unwrap());
-    // Built in as 60 degrees.
+    // The fixture's field of view is 60°.
     assert!((2.0 * across.atan().to_degrees() - 60.0).abs() < 0.6, "{scene}");
 }

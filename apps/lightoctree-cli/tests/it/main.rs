@@ -1,4 +1,4 @@
-//! The program as a user runs it. One binary, so that it is linked once.
+//! Runs the program as a user does. All tests are one binary, so that it is linked once.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod support;

@@ -1,4 +1,4 @@
-//! Several photos of a room: a folder as Record3D exports it, and what goes wrong.
+//! Several photos of a room: a folder as exported by Record3D, and errors.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,13 +11,13 @@ use tempfile::TempDir;
 
 use crate::support::{done, json, refused};
 
-/// Portrait pictures, as Record3D makes them of a phone that is held upright.
+/// Size of portrait photos, as Record3D stores them for a phone that is held upright.
 const SIZE: (u32, u32) = (72, 96);
 
-/// Half of the edges of a box room around the origin, metres.
+/// Half the edges of a box room around the origin, metres.
 const HALF_M: Vec3 = Vec3::new(2.0, 1.3, 2.5);
 
-/// Linear light of its six sides: −x, +x, floor, ceiling, −z, +z.
+/// Linear radiance of its six sides: −x, +x, floor, ceiling, −z, +z.
 const LIGHT: [[f32; 3]; 6] =
     [[0.3, 0.1, 0.1], [0.1, 0.3, 0.1], [0.15, 0.1, 0.05], [0.4, 0.4, 0.4], [0.2, 0.2, 0.3], [0.3, 0.3, 0.1]];
 
@@ -25,7 +25,7 @@ fn camera() -> Camera {
     Camera::from_hfov_deg(60.0, SIZE.0, SIZE.1).unwrap()
 }
 
-/// Side and distance of what a ray from within the room meets.
+/// Returns side and distance of the hit of a ray from inside the room.
 fn hit(ray: &Ray) -> (usize, f32) {
     let planes = [
         (Vec3::X, HALF_M.x),
@@ -42,7 +42,7 @@ fn hit(ray: &Ray) -> (usize, f32) {
     (side, distances[side])
 }
 
-/// Where the cameras stand: turned by 110° each, at about one place, level.
+/// Poses of level cameras at nearly the same position, each rotated by another 110°.
 fn poses() -> [RigidTransform; 3] {
     [(0.0, Vec3::ZERO), (110.0, Vec3::new(0.2, 0.0, 0.1)), (220.0, Vec3::new(-0.1, 0.1, 0.2))].map(
         |(yaw_deg, translation_m): (f32, Vec3)| RigidTransform {
@@ -52,7 +52,7 @@ fn poses() -> [RigidTransform; 3] {
     )
 }
 
-/// What a camera at such a place sees, in a world that the first camera is the origin of.
+/// Renders photo and depth for a pose in a world whose origin is the first camera.
 fn picture(pose: &RigidTransform, gain: f32) -> (Image<[u8; 3]>, DepthMap) {
     let camera = camera();
     let seen = |x: usize, y: usize| {
@@ -62,13 +62,15 @@ fn picture(pose: &RigidTransform, gain: f32) -> (Image<[u8; 3]>, DepthMap) {
     };
     let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
     let photo = Image::from_fn(width, height, |x, y| LIGHT[seen(x, y).0].map(|c| srgb8_from_linear(gain * c)));
-    // The sensor's resolution is lower.
+    // The depth sensor's resolution is lower.
     let depth_m = DepthMap::from_fn(width / 2, height / 2, |x, y| seen(2 * x, 2 * y).1);
     (photo, depth_m)
 }
 
-/// `rgb/N.png`, `depth/N.exr` and `metadata.json` of five frames; the cameras of [`poses`] are those of frames 0, 2 and 4. The world is the first camera's,
-/// as Record3D's is, moved besides.
+/// Creates `rgb/N.jpg`, `depth/N.exr` and `metadata.json` of five frames; frames 0, 2 and 4 have the cameras of
+/// [`poses`].
+///
+/// The world's axes are the first camera's, as in Record3D, but its origin is moved.
 fn record3d() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
@@ -105,13 +107,13 @@ fn estimate(folder: &Path, rest: &[&str]) -> Arc<Estimate> {
 }
 
 #[test]
-fn a_folder_of_record3d_makes_a_scene_that_shows_all_that_was_seen() {
+fn a_record3d_folder_gives_a_scene_with_all_observed_light() {
     let folder = record3d();
     for completion in ["shell", "none"] {
         let scene = estimate(folder.path(), &["--exposures", "0,-1,0.585", "--completion", completion]);
         assert_eq!(scene.origin.sources, ["0.jpg", "2.jpg", "4.jpg", "0.exr", "2.exr", "4.exr", "metadata.json"]);
         assert_eq!(scene.other_photos.len(), 2);
-        // From the middle of the room in the direction of each photo: the light of the sides as they are, whoever saw them.
+        // From the middle of the room towards each photo: the radiance of the sides, whichever camera observed them.
         let viewers = OctreeRenderer::new(&scene.light);
         let place = Vec3::new(0.0, 0.05, 0.05);
         let panorama = viewers.at(place).panorama(place, 96, 48);
@@ -119,7 +121,7 @@ fn a_folder_of_record3d_makes_a_scene_that_shows_all_that_was_seen() {
             for (u, v) in [(36.0, 48.0), (12.0, 40.0), (60.0, 60.0)] {
                 let direction = pose.direction(camera().direction(u, v));
                 let (side, distance_m) = hit(&Ray { origin: place, direction });
-                // Beside an edge of the room a pixel of the panorama shows both sides.
+                // Next to an edge of the room, a pixel of the panorama shows both sides.
                 let beside = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z]
                     .map(|step| hit(&Ray { origin: place, direction: (direction + 0.08 * step).normalize() }).0);
                 if beside.iter().any(|other| *other != side) {
@@ -128,7 +130,8 @@ fn a_folder_of_record3d_makes_a_scene_that_shows_all_that_was_seen() {
                 let at = lightoctree::geometry::uv_from_direction(direction);
                 let pixel = ((at.x * 96.0) as usize, (at.y * 48.0) as usize);
                 let found = panorama.radiance[pixel];
-                // 8 bits and JPEG: a few hundredths; leaves are 6 cm, three pixels of this panorama some 40 cm at the wall.
+                // 8 bits and JPEG: a few hundredths; leaves are 6 cm, three pixels of this panorama some 40 cm at the
+                // wall.
                 let close = found.iter().zip(LIGHT[side]).all(|(a, b)| (a / b - 1.0).abs() < 0.12);
                 assert!(close, "{completion} {direction}: {found:?}, side {side}");
                 assert!((panorama.distance_m[pixel] / distance_m - 1.0).abs() < 0.15, "{}", panorama.distance_m[pixel]);
@@ -162,9 +165,9 @@ fn bad_sets_of_photos_end_in_a_clear_line() {
     refused(
         2,
         &["rgb/0.jpg", "--depth", "depth/0.exr", "--poses", "metadata.json"],
-        "--poses belongs to several photos",
+        "--poses applies to several photos",
     );
-    refused(2, &["rgb/0.jpg", "--exposures", "1"], "--exposures belongs to several photos");
+    refused(2, &["rgb/0.jpg", "--exposures", "1"], "--exposures applies to several photos");
     refused(1, &with(&["--poses", "nowhere.json"]), "nowhere.json");
     let metadata = std::fs::read_to_string(path.join("metadata.json")).unwrap();
     let write = |name: &str, text: String| std::fs::write(path.join(name), text).unwrap();
@@ -172,7 +175,7 @@ fn bad_sets_of_photos_end_in_a_clear_line() {
     refused(1, &with(&["--poses", "far.json"]), "m apart, more than the largest room");
     write("turned.json", metadata.replace(r#""w":72,"h":96"#, r#""w":96,"h":72"#));
     refused(1, &with(&["--poses", "turned.json"]), "was the photo rotated or cropped");
-    // The second photo under the first one's pose, with depths that are too large: the same places at other depths.
+    // The second photo with the first one's pose, and depth that is too large: the same surfaces at other depths.
     let rows = metadata.split_once("[[").unwrap().1;
     let rows: Vec<&str> = rows.trim_end_matches("]]}").split("],[").collect();
     let same = format!(
@@ -185,7 +188,7 @@ fn bad_sets_of_photos_end_in_a_clear_line() {
     imaging::write_depth(path.join("depth/farther.exr"), &farther, imaging::GENERATOR).unwrap();
     let depths = ["--depth", "depth/0.exr", "depth/farther.exr", "depth/4.exr", "--poses", "same.json"];
     refused(1, &[&PHOTOS[..], &depths].concat(), "look at the same places");
-    // A photo that was cut.
+    // A cropped photo.
     let (photo, _) = picture(&poses()[2], 1.0);
     let cut = Image::from_fn(72, 72, |x, y| photo[(x, y)]);
     imaging::write_srgb8(path.join("rgb/4.jpg"), &cut, 95, imaging::GENERATOR).unwrap();
@@ -193,12 +196,12 @@ fn bad_sets_of_photos_end_in_a_clear_line() {
     refused(
         1,
         &with(&["--poses", "metadata.json", "--hfov-deg", "60"]),
-        "rgb/4.jpg and depth/4.exr do not fit together",
+        "rgb/4.jpg and depth/4.exr cannot be used together",
     );
 }
 
 #[test]
-fn options_may_stand_before_the_photos() {
+fn options_may_precede_the_photos() {
     let folder = record3d();
     let args = [&["estimate", "--depth"][..], &DEPTHS, &PHOTOS, &["--poses", "metadata.json", "--completion", "none"]]
         .concat();

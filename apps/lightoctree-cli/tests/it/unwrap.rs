@@ -1,10 +1,10 @@
-//! `unwrap` as a user runs it.
+//! Runs `unwrap` as a user does.
 
 use lightoctree::imaging::{self, Image, RadianceImage};
 
 use crate::support::{done, json, refused};
 
-/// A disc on grey: as a ball it shows the columns of a panorama.
+/// Writes a photo of a disc on grey. Interpreted as a ball, its brightness gives the columns of a panorama.
 fn photo(folder: &std::path::Path, name: &str, width: usize, gain: f32) {
     let picture = RadianceImage::from_fn(width, 120, |x, y| {
         let (dx, dy) = ((x as f32 - 79.5) / 50.0, (y as f32 - 59.5) / 50.0);
@@ -20,7 +20,7 @@ fn a_given_ball_becomes_a_panorama() {
     let at = folder.path();
     photo(at, "a.png", 160, 1.0);
     photo(at, "b.png", 160, 0.25);
-    let told = json(&done(
+    let summary = json(&done(
         at,
         &[
             "unwrap",
@@ -37,11 +37,11 @@ fn a_given_ball_becomes_a_panorama() {
             "p.exr",
         ],
     ));
-    // a quarter of the light is two stops less, to 2 %
-    assert!((told["exposures_ev"][1].as_f64().unwrap() + 2.0).abs() < 0.03, "{told}");
-    assert!(told["filled_share"].as_f64().unwrap() < 0.1 && told["clipped_share"] == 0.0, "{told}");
+    // A quarter of the light is two stops less, to 2 %.
+    assert!((summary["exposures_ev"][1].as_f64().unwrap() + 2.0).abs() < 0.03, "{summary}");
+    assert!(summary["filled_share"].as_f64().unwrap() < 0.1 && summary["clipped_share"] == 0.0, "{summary}");
     let map = imaging::read_radiance(at.join("p.exr")).unwrap();
-    // orthographically +X shows at √½ of the radius to the right, −X to the left
+    // In orthographic projection +X is at √½ of the radius to the right, −X to the left.
     let expected = |side: f32| 0.1 + 0.3 * (side * 0.5f32.sqrt() + 1.0);
     for (column, side) in [(48, 1.0), (16, -1.0)] {
         let got = map[(column, 16)][0];
@@ -52,7 +52,7 @@ fn a_given_ball_becomes_a_panorama() {
 }
 
 #[test]
-fn what_cannot_be_unwrapped_is_one_clear_line() {
+fn errors_are_one_clear_line() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     photo(at, "a.png", 160, 1.0);
@@ -68,8 +68,8 @@ fn what_cannot_be_unwrapped_is_one_clear_line() {
         (2, &["a.png", "--circle", "80,60,1"], "the radius must be at least 4 pixels"),
         (1, &["a.png", "wide.png", "--circle", "80,60,50"], "wide.png: 161 × 120 pixels, but a.png has 160 × 120"),
         (1, &["nan.pfm", "--circle", "80,60,50"], "nan.pfm: pixel (7, 9) is not a finite number"),
-        (2, &["a.png", "--exposures", "0,1"], "1 photos need as many exposures, got 2"),
-        (2, &["a.png", "--circle", "80,60,50", "--size", "64x64"], "twice as wide"),
+        (2, &["a.png", "--exposures", "0,1"], "2 exposures for 1 photos"),
+        (2, &["a.png", "--circle", "80,60,50", "--size", "64x64"], "must be twice its height"),
         (2, &["a.png", "--circle", "80,60,50", "--hfov-deg", "175"], "--hfov-deg"),
     ] {
         let message = refused(at, code, &[&["unwrap"], args, &["-o", "p.hdr"]].concat());

@@ -81,7 +81,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     let mut rows = Vec::new();
     for case in chosen {
-        if interrupt::asked() {
+        if interrupt::requested() {
             break;
         }
         let line = in_own_process(global, case, args.reps)?;

@@ -233,7 +233,7 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
         add_light(&mut summary, sample);
         progress.inc(1);
         inspected += 1;
-        !interrupt::asked()
+        !interrupt::requested()
     };
     if count == dataset.len() {
         let config = LoaderConfig { shuffle: false, threads: threads(global), ..LoaderConfig::default() };
@@ -371,7 +371,7 @@ fn preview(global: &Global, args: &PreviewArgs) -> anyhow::Result<()> {
     let progress = bar(global.quiet, count.min(dataset.len()), "samples");
     let (mut photos, mut panoramas) = (0, 0);
     for index in evenly_spread(dataset.len(), count) {
-        if interrupt::asked() {
+        if interrupt::requested() {
             anyhow::bail!("stopped before the contact sheet was complete");
         }
         let sample = dataset.get(index)?;

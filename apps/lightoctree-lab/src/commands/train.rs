@@ -107,7 +107,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut progress = TrainProgress { quiet: global.quiet, bar: ProgressBar::hidden(), steps: 0, last: Vec::new() };
     let outcome = lo_train::train(&config, &request, &mut |event| {
         progress.handle(event);
-        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     progress.bar.finish_and_clear();
     let done = match outcome {

@@ -6,13 +6,14 @@
 //! at the crossing, averaged over the cone's footprint.
 //!
 //! [`PanoramaLookup`] does the same with a panorama of the room given by the user. [`SceneRenderer`] combines them to
-//! render panoramas of a scene.
+//! render panoramas of a scene. [`LevelFrame`] rotates panoramas so that gravity points straight down.
 
 mod before;
 mod detail;
 mod edges;
 mod fade;
 mod guided;
+mod level_frame;
 mod lookup;
 mod map;
 mod mirroring;
@@ -23,6 +24,7 @@ mod scene_renderer;
 mod surface;
 
 pub use detail::Detail;
+pub use level_frame::LevelFrame;
 pub use lookup::PhotoLookup;
 pub use map::RadianceMap;
 pub use panorama::PanoramaLookup;

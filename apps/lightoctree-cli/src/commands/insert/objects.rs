@@ -1,4 +1,4 @@
-//! The objects on the command line: each `--mesh` with the options that belong to it, or `--layout`.
+//! Objects on the command line: `--layout`, or each `--mesh` with its options.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -13,15 +13,19 @@ use crate::choice::{Choice, choice};
 use crate::commands::parse;
 use crate::usage::Usage;
 
-/// The options as they are given, without their order.
+/// The options without their order, as clap parses them.
 #[derive(Debug, Args)]
 struct Flags {
-    /// The object: glTF, GLB, OBJ, PLY or STL, or builtin:sphere, builtin:suzanne, builtin:tea-set. Of several objects each has a --mesh, and behind it its own --at, --pixel or --path, --scale or
-    /// --height, --yaw-deg, --align and --material. Without --mesh and --layout: what stands in the scene, as `lightoctree view` saved it
+    /// Object: glTF, GLB, OBJ, PLY, STL, builtin:sphere, builtin:suzanne or builtin:tea-set; may be repeated [default:
+    /// the objects that the viewer saved in the scene]
+    ///
+    /// For several objects, each --mesh is followed by its own --at, --pixel or --path, --scale or --height, --yaw-deg,
+    /// --align and --material.
     #[arg(long, value_name = "FILE")]
     mesh: Vec<PathBuf>,
 
-    /// Objects and their places from a file, instead of --mesh: {"objects": [{"mesh": …, "pixel": …}, …]}; docs/layout.md tells its fields
+    /// File with objects and their positions, instead of --mesh: {"objects": [{"mesh": …, "pixel": …}, …]}; see
+    /// docs/layout.md
     #[arg(
         long,
         value_name = "FILE.json",
@@ -29,15 +33,15 @@ struct Flags {
     )]
     layout: Option<PathBuf>,
 
-    /// Where the middle of its base stands, in metres
+    /// Position of the centre of the object's base, in metres: +X right, +Y up, the camera at 0,0,0 looks along -Z
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true, requires = "mesh")]
     at: Vec<Vec3>,
 
-    /// Rest it on the surface seen at this pixel of the photo, upright (see --align)
+    /// Place the object on the surface at this pixel of the photo; see --align
     #[arg(long, value_name = "U,V", value_parser = parse::pixel, requires = "mesh")]
     pixel: Vec<[f64; 2]>,
 
-    /// Move it along keyframes; needs --frames, and a %04d in the output's name or a video
+    /// Move the object along keyframes; requires --frames, and %04d in the output's name or a video
     #[arg(long, value_name = "FILE.json", requires = "mesh")]
     path: Vec<PathBuf>,
 
@@ -45,46 +49,46 @@ struct Flags {
     #[arg(long, value_name = "S", value_parser = parse::positive, requires = "mesh")]
     scale: Vec<f64>,
 
-    /// Height of the object in metres, instead of a scale
+    /// Height of the object in metres, instead of --scale
     #[arg(long, value_name = "METRES", value_parser = parse::positive, requires = "mesh")]
     height: Vec<f64>,
 
-    /// Turn about the vertical, counter-clockwise seen from above [default: 0]
+    /// Rotation about the vertical in degrees, counter-clockwise seen from above [default: 0]
     #[arg(long, value_name = "A", allow_hyphen_values = true, requires = "mesh")]
     yaw_deg: Vec<f32>,
 
-    /// Which way is up for the object [default: gravity]
+    /// Up direction of the object [default: gravity]
     #[arg(long, value_name = "UP", requires = "mesh", value_parser = choice(&ALIGNMENTS))]
     align: Vec<Align>,
 
-    /// A material for the whole object: a name or a JSON object
+    /// Material of the whole object: a name or a JSON object [default: the mesh's materials]
     #[arg(long, value_name = "NAME|JSON", requires = "mesh")]
     material: Vec<String>,
 }
 
-/// Which way is up for an object.
+/// Up directions of an object.
 static ALIGNMENTS: [Choice<Align>; 3] = [
-    ("gravity", Align::Gravity, "Upright in the room, as far as its up direction is known"),
-    ("surface", Align::Surface, "Along the normal of the surface at the pixel, where that is tilted by 10 to 40°"),
+    ("gravity", Align::Gravity, "Up direction of the room, if known"),
+    ("surface", Align::Surface, "Normal of the surface at the pixel, if tilted by 10 to 40°"),
     ("none", Align::None, "Up in the photo"),
 ];
 
-/// Values of an option with their places on the command line.
-type Given<T> = Vec<(usize, T)>;
+/// Values of an option with their indices on the command line.
+type IndexedValues<T> = Vec<(usize, T)>;
 
-/// The options with their order.
+/// The options with their order on the command line.
 #[derive(Debug)]
 pub struct ObjectArgs {
     layout: Option<PathBuf>,
-    mesh: Given<PathBuf>,
-    at: Given<Vec3>,
-    pixel: Given<[f64; 2]>,
-    path: Given<PathBuf>,
-    scale: Given<f64>,
-    height: Given<f64>,
-    yaw_deg: Given<f32>,
-    align: Given<Align>,
-    material: Given<String>,
+    mesh: IndexedValues<PathBuf>,
+    at: IndexedValues<Vec3>,
+    pixel: IndexedValues<[f64; 2]>,
+    path: IndexedValues<PathBuf>,
+    scale: IndexedValues<f64>,
+    height: IndexedValues<f64>,
+    yaw_deg: IndexedValues<f32>,
+    align: IndexedValues<Align>,
+    material: IndexedValues<String>,
 }
 
 impl Args for ObjectArgs {
@@ -99,21 +103,21 @@ impl Args for ObjectArgs {
 
 impl FromArgMatches for ObjectArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        fn given<T>(matches: &ArgMatches, option: &str, values: Vec<T>) -> Given<T> {
+        fn indexed<T>(matches: &ArgMatches, option: &str, values: Vec<T>) -> IndexedValues<T> {
             matches.indices_of(option).into_iter().flatten().zip(values).collect()
         }
         let flags = Flags::from_arg_matches(matches)?;
         Ok(Self {
             layout: flags.layout,
-            mesh: given(matches, "mesh", flags.mesh),
-            at: given(matches, "at", flags.at),
-            pixel: given(matches, "pixel", flags.pixel),
-            path: given(matches, "path", flags.path),
-            scale: given(matches, "scale", flags.scale),
-            height: given(matches, "height", flags.height),
-            yaw_deg: given(matches, "yaw_deg", flags.yaw_deg),
-            align: given(matches, "align", flags.align),
-            material: given(matches, "material", flags.material),
+            mesh: indexed(matches, "mesh", flags.mesh),
+            at: indexed(matches, "at", flags.at),
+            pixel: indexed(matches, "pixel", flags.pixel),
+            path: indexed(matches, "path", flags.path),
+            scale: indexed(matches, "scale", flags.scale),
+            height: indexed(matches, "height", flags.height),
+            yaw_deg: indexed(matches, "yaw_deg", flags.yaw_deg),
+            align: indexed(matches, "align", flags.align),
+            material: indexed(matches, "material", flags.material),
         })
     }
 
@@ -124,7 +128,9 @@ impl FromArgMatches for ObjectArgs {
 }
 
 impl ObjectArgs {
-    /// What stands where, with the keyframes of all paths, and the folder that its files' names start from; `None` where nothing is said of it.
+    /// Reads the layout with the keyframes of all paths, and returns the folder that its paths are relative to.
+    ///
+    /// `None` if the command line specifies no objects.
     pub fn layout(&self) -> anyhow::Result<Option<(Layout, PathBuf)>> {
         if self.layout.is_none() && self.mesh.is_empty() {
             return Ok(None);
@@ -141,44 +147,47 @@ impl ObjectArgs {
         Ok(Some((layout, folder)))
     }
 
-    /// Of each `--mesh` what is said of it: of one anywhere, of several behind it.
+    /// Assigns the options to the objects: those after each `--mesh`, or all if there is one `--mesh`.
     fn objects(&self) -> Result<Vec<LayoutObject>, Usage> {
         if let [_, _, ..] = self.mesh[..]
             && let Some(option) = self.first_option(0..self.mesh[0].0)
         {
             return Err(Usage(format!(
-                "{option} comes before the first --mesh: of several objects each has its options behind its --mesh"
+                "{option} precedes the first --mesh: with several objects, give the options of each after its --mesh"
             )));
         }
         let next = self.mesh.iter().skip(1).map(|&(index, _)| index).chain([usize::MAX]);
-        let alone = self.mesh.len() == 1;
-        let ranges = self.mesh.iter().zip(next).map(|(&(own, _), next)| if alone { 0..next } else { own..next });
+        let is_single = self.mesh.len() == 1;
+        let ranges = self.mesh.iter().zip(next).map(|(&(own, _), next)| if is_single { 0..next } else { own..next });
         self.mesh.iter().zip(ranges).map(|((_, mesh), range)| self.object(mesh, &range)).collect()
     }
 
     fn object(&self, mesh: &Path, range: &Range<usize>) -> Result<LayoutObject, Usage> {
-        let called = mesh.display();
-        let (at, pixel) = (only("--at", &self.at, mesh, range)?, only("--pixel", &self.pixel, mesh, range)?);
-        let path = only("--path", &self.path, mesh, range)?;
-        match [at.is_some(), pixel.is_some(), path.is_some()].into_iter().filter(|&given| given).count() {
+        let name = mesh.display();
+        let (at, pixel) =
+            (single_value("--at", &self.at, mesh, range)?, single_value("--pixel", &self.pixel, mesh, range)?);
+        let path = single_value("--path", &self.path, mesh, range)?;
+        match [at.is_some(), pixel.is_some(), path.is_some()].into_iter().filter(|&is_given| is_given).count() {
             0 => {
                 return Err(Usage(format!(
-                    "say where {called} stands: --at X,Y,Z, --pixel U,V, or --path FILE.json with --frames N"
+                    "{name} has no position; give --at X,Y,Z, --pixel U,V, or --path FILE.json with --frames N"
                 )));
             }
             1 => {}
-            _ => return Err(Usage(format!("{called} has one place only: --at, --pixel or --path"))),
+            _ => return Err(Usage(format!("{name} has more than one position; give one of --at, --pixel and --path"))),
         }
         let (scale, height_m) =
-            (only("--scale", &self.scale, mesh, range)?, only("--height", &self.height, mesh, range)?);
+            (single_value("--scale", &self.scale, mesh, range)?, single_value("--height", &self.height, mesh, range)?);
         if scale.is_some() && height_m.is_some() {
-            return Err(Usage(format!("--scale and --height cannot both be given for {called}")));
+            return Err(Usage(format!("--scale and --height cannot both be given for {name}")));
         }
-        let yaw_deg = only("--yaw-deg", &self.yaw_deg, mesh, range)?;
+        let yaw_deg = single_value("--yaw-deg", &self.yaw_deg, mesh, range)?;
         if path.is_some() && yaw_deg.is_some() {
-            return Err(Usage(format!("--yaw-deg: the keyframes of --path say how {called} is turned")));
+            return Err(Usage(format!(
+                "--yaw-deg cannot be given for {name}: the keyframes of --path define its rotation"
+            )));
         }
-        let material = only("--material", &self.material, mesh, range)?;
+        let material = single_value("--material", &self.material, mesh, range)?;
         let material = material.map(|text| MaterialSpec::parse(&text)).transpose();
         Ok(LayoutObject {
             mesh: mesh.to_owned(),
@@ -190,15 +199,15 @@ impl ObjectArgs {
             scale,
             height_m,
             yaw_deg: yaw_deg.map(f64::from),
-            align: only("--align", &self.align, mesh, range)?,
+            align: single_value("--align", &self.align, mesh, range)?,
             material: material.map_err(|error| Usage(format!("--material: {error}")))?,
         })
     }
 
-    /// The first option of any object within a range of the command line.
+    /// Returns the first option of any object within a range of the command line.
     fn first_option(&self, range: Range<usize>) -> Option<&'static str> {
-        fn first<T>(given: &Given<T>) -> Option<usize> {
-            given.first().map(|&(index, _)| index)
+        fn first<T>(values: &IndexedValues<T>) -> Option<usize> {
+            values.first().map(|&(index, _)| index)
         }
         let options = [
             ("--at", first(&self.at)),
@@ -215,9 +224,17 @@ impl ObjectArgs {
     }
 }
 
-/// The value of an option within an object's range of the command line.
-fn only<T: Clone>(option: &str, given: &Given<T>, mesh: &Path, range: &Range<usize>) -> Result<Option<T>, Usage> {
-    let mut within = given.iter().filter(|(index, _)| range.contains(index)).map(|(_, value)| value);
+/// Returns the value of an option within an object's range of the command line.
+///
+/// # Errors
+/// The option is given twice.
+fn single_value<T: Clone>(
+    option: &str,
+    values: &IndexedValues<T>,
+    mesh: &Path,
+    range: &Range<usize>,
+) -> Result<Option<T>, Usage> {
+    let mut within = values.iter().filter(|(index, _)| range.contains(index)).map(|(_, value)| value);
     let value = within.next().cloned();
     match within.next() {
         None => Ok(value),
@@ -233,7 +250,7 @@ mod tests {
     use super::*;
 
     #[derive(Debug, Parser)]
-    struct Line {
+    struct TestCli {
         #[command(flatten)]
         objects: ObjectArgs,
         #[arg(long)]
@@ -241,12 +258,13 @@ mod tests {
     }
 
     fn objects(line: &str) -> Result<Vec<LayoutObject>, Usage> {
-        Line::try_parse_from(std::iter::once("insert").chain(line.split(' '))).unwrap().objects.objects()
+        TestCli::try_parse_from(std::iter::once("insert").chain(line.split(' '))).unwrap().objects.objects()
     }
 
     #[test]
-    fn each_mesh_has_the_options_behind_it() {
-        let line = "--mesh a.glb --pixel 1,2 --height 0.5 --mesh b.glb --at 0,-1,-2 --scale 2 --yaw-deg -30 --material gold --mesh c.glb --align none --pixel 3,4";
+    fn each_mesh_has_the_options_after_it() {
+        let line = "--mesh a.glb --pixel 1,2 --height 0.5 --mesh b.glb --at 0,-1,-2 --scale 2 --yaw-deg -30 --material gold \
+                    --mesh c.glb --align none --pixel 3,4";
         let [a, b, c] = &objects(line).unwrap()[..] else { panic!() };
         assert_eq!(
             (a.mesh.as_path(), a.pixel, a.height_m, a.scale),
@@ -259,19 +277,19 @@ mod tests {
         assert_eq!(b.material.as_ref().unwrap().preset.as_deref(), Some("gold"));
         assert_eq!((c.pixel, c.align, a.align), (Some([3.0, 4.0]), Some(Align::None), None));
         assert!(a.material.is_none() && c.material.is_none());
-        // Of one object they may stand anywhere.
+        // The options of a single object may precede its --mesh.
         let one = objects("--pixel 1,2 --height 0.5 --mesh a.glb --material gold").unwrap();
         assert_eq!((one[0].pixel, one[0].height_m), (Some([1.0, 2.0]), Some(0.5)));
     }
 
     #[test]
-    fn what_belongs_to_no_object_or_twice_to_one_is_refused() {
+    fn options_without_an_object_and_duplicate_options_are_rejected() {
         for (line, words) in [
-            ("--pixel 1,2 --mesh a.glb --mesh b.glb --pixel 1,2", "--pixel comes before the first --mesh"),
-            ("--mesh a.glb --pixel 1,2 --mesh b.glb", "say where b.glb stands"),
-            ("--mesh a.glb", "say where a.glb stands"),
+            ("--pixel 1,2 --mesh a.glb --mesh b.glb --pixel 1,2", "--pixel precedes the first --mesh"),
+            ("--mesh a.glb --pixel 1,2 --mesh b.glb", "b.glb has no position"),
+            ("--mesh a.glb", "a.glb has no position"),
             ("--mesh a.glb --pixel 1,2 --pixel 3,4", "--pixel is given twice for a.glb"),
-            ("--mesh a.glb --pixel 1,2 --at 0,0,-1", "a.glb has one place only"),
+            ("--mesh a.glb --pixel 1,2 --at 0,0,-1", "a.glb has more than one position"),
             ("--mesh a.glb --pixel 1,2 --scale 1 --height 1", "--scale and --height"),
             ("--mesh a.glb --path p.json --yaw-deg 3", "--yaw-deg"),
             ("--mesh a.glb --pixel 1,2 --material golf", "golf"),
@@ -280,7 +298,7 @@ mod tests {
             assert!(message.contains(words), "{line}: {message}");
         }
         for line in ["--layout a.json --mesh b.glb", "--layout a.json --pixel 1,2", "--pixel 1,2"] {
-            let parsed = Line::try_parse_from(std::iter::once("insert").chain(line.split(' ')));
+            let parsed = TestCli::try_parse_from(std::iter::once("insert").chain(line.split(' ')));
             assert!(parsed.is_err(), "{line}");
         }
     }

@@ -1,4 +1,5 @@
-//! A headless Chromium of the system, by its DevTools protocol (<https://chromedevtools.github.io/devtools-protocol/>).
+//! Controls a headless Chromium of the system through its DevTools protocol
+//! (<https://chromedevtools.github.io/devtools-protocol/>).
 
 use std::io::Write;
 use std::net::TcpStream;
@@ -11,30 +12,31 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use tungstenite::{Message, WebSocket};
 
-/// What Chromium is called; the first one in the path is taken.
+/// Names of Chromium; the first one found in the path is used.
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
-/// How long anything may take.
+/// Maximum duration of an operation.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// What the viewer's page shows and holds, for whoever reads why a test failed.
-const STOOD: &str = "(() => { const { page, figures } = globalThis.viewer ?? {}; const text = (id) => document.getElementById(id)?.textContent;
+/// Expression for the state of the viewer's page, for messages of failed tests.
+const PAGE_STATE: &str = "(() => { const { page, figures } = globalThis.viewer ?? {}; const text = (id) => document.getElementById(id)?.textContent;
   return { status: text('status'), messages: text('messages'), change: page?.change, shown: figures?.shown, gesture: page?.gesture?.()?.handle,
            selected: page?.selectedId, objects: page?.view?.objects }; })()";
 
-/// A browser with one page; it ends with this.
+/// A browser with one page; it is killed on drop.
 pub struct Browser {
     child: Child,
     socket: WebSocket<TcpStream>,
     session: String,
     calls: u64,
-    /// What went wrong in the page.
+    /// Exceptions and errors of the page.
     pub faults: Vec<String>,
     _profile: TempDir,
 }
 
 impl Browser {
-    /// Starts one, without WebGL; `None`, and a loud word, where there is none.
+    /// Starts a browser without WebGL. Without an installed browser, prints that `untested` is skipped and returns
+    /// `None`.
     pub fn start(untested: &str) -> Option<Self> {
         let path = std::env::var_os("PATH").unwrap_or_default();
         let mut places = std::env::split_paths(&path).flat_map(|folder| NAMES.map(|name| folder.join(name)));
@@ -63,15 +65,15 @@ impl Browser {
             .spawn()
             .unwrap();
         let begun = Instant::now();
-        let told = loop {
-            let told = std::fs::read_to_string(profile.path().join("DevToolsActivePort")).unwrap_or_default();
-            if told.lines().count() >= 2 {
-                break told;
+        let active_port = loop {
+            let active_port = std::fs::read_to_string(profile.path().join("DevToolsActivePort")).unwrap_or_default();
+            if active_port.lines().count() >= 2 {
+                break active_port;
             }
             assert!(begun.elapsed() < PATIENCE, "the browser does not start");
             std::thread::sleep(Duration::from_millis(50));
         };
-        let (port, path) = told.trim().split_once('\n').unwrap();
+        let (port, path) = active_port.trim().split_once('\n').unwrap();
         let stream = TcpStream::connect(format!("127.0.0.1:{port}")).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let (socket, _) = tungstenite::client(format!("ws://127.0.0.1:{port}{path}"), stream).unwrap();
@@ -86,7 +88,7 @@ impl Browser {
         browser
     }
 
-    /// One call of the protocol.
+    /// Calls a method of the protocol.
     pub fn call(&mut self, method: &str, params: Value) -> Value {
         self.calls += 1;
         let mut call = json!({ "id": self.calls, "method": method, "params": params });
@@ -96,35 +98,35 @@ impl Browser {
         self.socket.send(Message::text(call.to_string())).unwrap();
         loop {
             let Message::Text(text) = self.socket.read().unwrap() else { continue };
-            let heard: Value = serde_json::from_str(&text).unwrap();
-            match heard["method"].as_str() {
-                Some("Runtime.exceptionThrown") => self.faults.push(heard["params"]["exceptionDetails"].to_string()),
-                Some("Log.entryAdded") if heard["params"]["entry"]["level"] == "error" => {
-                    self.faults.push(heard["params"]["entry"].to_string());
+            let message: Value = serde_json::from_str(&text).unwrap();
+            match message["method"].as_str() {
+                Some("Runtime.exceptionThrown") => self.faults.push(message["params"]["exceptionDetails"].to_string()),
+                Some("Log.entryAdded") if message["params"]["entry"]["level"] == "error" => {
+                    self.faults.push(message["params"]["entry"].to_string());
                 }
                 _ => {}
             }
-            if heard["id"] == self.calls {
-                assert!(heard["error"].is_null(), "{method}: {heard}");
-                return heard["result"].clone();
+            if message["id"] == self.calls {
+                assert!(message["error"].is_null(), "{method}: {message}");
+                return message["result"].clone();
             }
         }
     }
 
-    /// Opens an address in a window of this size.
+    /// Opens an address in a window of a size.
     pub fn open(&mut self, address: &str, [width, height]: [u32; 2]) {
         self.resize([width, height]);
         self.call("Page.navigate", json!({ "url": address }));
         self.wait("document.readyState === 'complete'");
     }
 
-    /// Makes the window another size.
+    /// Resizes the window.
     pub fn resize(&mut self, [width, height]: [u32; 2]) {
         let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
         self.call("Emulation.setDeviceMetricsOverride", metrics);
     }
 
-    /// The value of an expression in the page.
+    /// Evaluates an expression in the page.
     pub fn value(&mut self, expression: &str) -> Value {
         let params = json!({ "expression": expression, "awaitPromise": true, "returnByValue": true });
         let result = self.call("Runtime.evaluate", params);
@@ -137,14 +139,14 @@ impl Browser {
         let begun = Instant::now();
         while self.value(&format!("Boolean({expression})")) != true {
             if begun.elapsed() >= PATIENCE {
-                let stood = self.value(STOOD);
-                panic!("waited for {expression} in vain; faults: {:?}; the page: {stood}", self.faults);
+                let state = self.value(PAGE_STATE);
+                panic!("waited for {expression} in vain; faults: {:?}; the page: {state}", self.faults);
             }
             std::thread::sleep(Duration::from_millis(30));
         }
     }
 
-    /// Moves the pointer, or presses or releases its button: `mouseMoved`, `mousePressed`, `mouseReleased`.
+    /// Sends a mouse event: `mouseMoved`, `mousePressed` or `mouseReleased`.
     pub fn mouse(&mut self, kind: &str, [x, y]: [f64; 2]) {
         let button = if kind == "mouseMoved" { "none" } else { "left" };
         let buttons = i32::from(kind != "mouseReleased");
@@ -152,7 +154,7 @@ impl Browser {
         self.call("Input.dispatchMouseEvent", params);
     }
 
-    /// Presses a key; `modifiers`: 2 for Ctrl, 8 for Shift.
+    /// Presses and releases a key; `modifiers`: 2 for Ctrl, 8 for Shift.
     pub fn key(&mut self, key: &str, modifiers: u32) {
         for kind in ["rawKeyDown", "keyUp"] {
             self.call("Input.dispatchKeyEvent", json!({ "type": kind, "key": key, "modifiers": modifiers }));
@@ -169,7 +171,7 @@ impl Browser {
         ));
     }
 
-    /// A picture of the page.
+    /// Writes a screenshot of the page.
     pub fn screenshot(&mut self, path: &Path) {
         let shot = self.call("Page.captureScreenshot", json!({ "format": "png" }));
         let bytes = base64::engine::general_purpose::STANDARD.decode(shot["data"].as_str().unwrap()).unwrap();

@@ -1,4 +1,4 @@
-//! The program, run as a user runs it.
+//! Runs the program as a user does.
 
 pub mod browser;
 pub mod run;
@@ -7,5 +7,5 @@ pub mod weights;
 
 pub use run::{done, json, refused};
 
-/// What is run.
+/// Name of the program under test.
 const PROGRAM: &str = "lightoctree";

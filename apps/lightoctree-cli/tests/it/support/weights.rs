@@ -1,4 +1,4 @@
-//! Weights of networks that have learned nothing.
+//! Weights of untrained networks.
 
 use std::path::Path;
 
@@ -8,12 +8,12 @@ use lightoctree::nets::checkpoint::Precision;
 use lightoctree::nets::depth::EncoderKind;
 use lightoctree::nets::light::LightNetConfig;
 
-/// Writes weights.safetensors of untrained networks of depth 6 that say nothing of the camera.
+/// Writes weights.safetensors of untrained networks of depth 6 that do not predict the camera.
 pub fn write_weights(folder: &Path) {
     let small = LightNetConfig { depth: 6, channels: 8, max_channels: 16, blocks: 1, ..LightNetConfig::default() };
     let config = LightNetConfig { bottleneck: 2, head_channels: 8, ..small };
     let mut networks = Networks::new(EncoderKind::EfficientNetLite0, &config, 1, &Device::flex()).unwrap();
-    // What has learned nothing holds cameras upside down.
+    // An untrained network would predict cameras that are upside down.
     networks.depth.perspective = None;
     networks.write(folder.join("weights.safetensors"), Precision::Half).unwrap();
 }
