@@ -167,8 +167,8 @@ fn summarise(document: &Document, bytes: u64) -> Summary {
     });
     let seen_share = mean_share(light, &light.seen);
     let panorama = scene.panorama.as_ref();
-    let panorama =
-        panorama.map(|laid| PanoramaSummary { source: laid.source.clone(), share: mean_share(light, &laid.share) });
+    let panorama = panorama
+        .map(|panorama| PanoramaSummary { source: panorama.source.clone(), share: mean_share(light, &panorama.share) });
     let known_share = seen_share + panorama.as_ref().map_or(0.0, |panorama| panorama.share);
     let camera = scene.frame.camera;
     let depth_m = &scene.frame.depth_m;
