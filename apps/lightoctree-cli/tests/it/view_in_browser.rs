@@ -7,6 +7,7 @@ use serde_json::Value;
 use crate::cli::{room_with_expected_light, room_with_scene};
 use crate::support::browser::Browser;
 use crate::support::done;
+use crate::support::tls_proxy::TlsProxy;
 use crate::support::view::Viewer;
 
 /// Returns the page position of a photo position.
@@ -742,4 +743,22 @@ fn view_figures() {
         shot(&mut browser, "figures_outside.png");
         press(&mut browser, "Photo");
     }
+}
+
+#[test]
+fn the_page_works_behind_a_tls_proxy() {
+    let untested = "the viewer behind a TLS proxy";
+    let Some(mut browser) = Browser::start(untested) else { return };
+    let Some(proxy) = TlsProxy::start(untested) else { return };
+    let folder = room_with_scene();
+    let port = proxy.viewer_port.to_string();
+    let args = ["room.scene", "--port", &port, "--public-origin", &proxy.origin];
+    let viewer = Viewer::start(folder.path(), &args);
+    assert!(viewer.address.starts_with(&proxy.origin), "{}", viewer.address);
+    browser.open(&viewer.address, [1280, 720]);
+    browser.wait("document.body.dataset.at === 'scene'");
+    press(&mut browser, "Chrome sphere");
+    browser.wait("viewer.page.view.objects.length === 1");
+    browser.wait(FINAL);
+    assert_eq!(browser.value("location.protocol"), "https:");
 }

@@ -7,7 +7,8 @@
 //! - [`Renderer`]: renders in [`RenderStep`]s, from a small draft during a movement to the image that
 //!   `lightoctree insert --quality high` writes. The library's events report progress and cancel.
 //! - [`insert_command`]: that command line. [`outputs`]: downloadable files. [`Probe`]: the light at a point.
-//! [`overlay`]: depth, normals, levels and provenance over the photo. [`OutsideRenderer`]: the room from any viewpoint.
+//! - [`overlay`]: depth, normals, levels and provenance over the photo. [`OutsideRenderer`]: the room from any
+//!   viewpoint.
 //!
 //! The command line of `insert` can express every [`State`], so both render the same image by construction.
 

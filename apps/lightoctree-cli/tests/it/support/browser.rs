@@ -54,6 +54,8 @@ impl Browser {
         let child = std::process::Command::new(program)
             .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-3d-apis", "--disable-dev-shm-usage"])
             .args([
+                // The TLS proxy of the tests signs its own certificate.
+                "--ignore-certificate-errors",
                 "--no-first-run",
                 "--disable-background-networking",
                 "--hide-scrollbars",

@@ -2,6 +2,7 @@
 
 pub mod browser;
 pub mod run;
+pub mod tls_proxy;
 pub mod view;
 pub mod weights;
 

@@ -24,7 +24,7 @@ impl Viewer {
         let mut child = command.spawn().unwrap();
         let mut address = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut address).unwrap();
-        assert!(address.starts_with("http://127.0.0.1:"), "{address}");
+        assert!(address.starts_with("http://127.0.0.1:") || address.starts_with("https://localhost:"), "{address}");
         Self { child, address: address.trim().to_owned() }
     }
 
