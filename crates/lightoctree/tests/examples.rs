@@ -9,6 +9,9 @@ use lightoctree::imaging::{self, Photo, RadianceImage, luminance};
 use lightoctree::insert::{Align, Placement};
 use lightoctree::{Document, Estimate};
 
+/// Two colours to compare.
+type RgbPair = ([f32; 3], [f32; 3]);
+
 #[path = "../examples/envmap.rs"]
 mod envmap;
 #[path = "../examples/estimate.rs"]
@@ -90,9 +93,8 @@ fn assert_panorama(panorama: &RadianceImage, measured: &Estimate) {
     let pairs: Vec<([f32; 3], [f32; 3])> = shown.map(|((sum, count), got)| (sum.map(|c| c / count), *got)).collect();
     assert!(pairs.len() > 1000, "{} pixels ahead", pairs.len());
     for c in 0..3 {
-        let mean = |side: fn(&([f32; 3], [f32; 3])) -> [f32; 3]| {
-            pairs.iter().map(|pair| side(pair)[c]).sum::<f32>() / pairs.len() as f32
-        };
+        let mean =
+            |side: fn(&RgbPair) -> [f32; 3]| pairs.iter().map(|pair| side(pair)[c]).sum::<f32>() / pairs.len() as f32;
         let ratio = mean(|pair| pair.1) / mean(|pair| pair.0);
         let error = median(pairs.iter().map(|(expected, got)| (got[c] / expected[c] - 1.0).abs()).collect());
         // Pixels of photo and panorama do not coincide, and depth edges differ by a pixel: 2 % in the mean and in the

@@ -57,7 +57,7 @@ impl Estimator {
     /// - [`EstimateError::Frame`] if the photo has no pixels, or photo and depth do not form a [`Frame`].
     /// - With [`DepthSource::Model`], the errors of `Estimator::predict_depth`.
     /// - [`EstimateError::Cancelled`] if `on_event` breaks off.
-    #[cfg_attr(not(feature = "depth-models"), expect(unused_variables, clippy::needless_pass_by_ref_mut))]
+    #[cfg_attr(not(feature = "depth-models"), expect(unused_variables))]
     pub fn resolve(&self, request: PhotoRequest, on_event: OnEvent<'_>) -> Result<ResolvedPhoto, EstimateError> {
         let PhotoRequest { photo, camera, depth } = request;
         #[cfg(feature = "depth-models")]
