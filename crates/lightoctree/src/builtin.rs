@@ -13,7 +13,7 @@ static TEA_SET: &[u8] = include_bytes!("../models/tea_set.glb");
 
 /// Returns a model embedded in this library, or `None` if no model has this name.
 ///
-/// The names are those of [`BUILTIN_MODELS`], without [`BUILTIN_PREFIX`]:
+/// The names are those of [`BUILTIN_MODELS`](crate::BUILTIN_MODELS), without [`BUILTIN_PREFIX`]:
 /// - `sphere`: a diffuse sphere of 0.2 m diameter
 /// - `suzanne`: Blender's monkey head, about two units wide
 /// - `tea-set`: a textured tea set in metres

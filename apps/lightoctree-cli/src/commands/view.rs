@@ -25,7 +25,8 @@ use crate::{interrupt, report};
     lightoctree view photo.jpg --depth depth.png\n  \
     lightoctree view photo.jpg --depth-model moge-2-vits-normal.onnx\n  \
     lightoctree view\n  \
-    lightoctree view room.scene --bind 0.0.0.0 --port 8080 --token a-long-secret-of-mine\n\n\
+    lightoctree view room.scene --bind 0.0.0.0 --port 8080 --token a-long-secret-of-mine\n  \
+    lightoctree view room.scene --port 8080 --public-origin https://light.example\n\n\
     The page is served until Ctrl-C, only to this machine, at an address with a random token. docs/viewer.md describes it.")]
 pub struct Args {
     /// Scene file, or photo to estimate [default: dropped into the page]
@@ -59,7 +60,7 @@ pub struct Args {
     #[arg(long, value_name = "ADDRESS", requires = "token")]
     bind: Option<IpAddr>,
 
-    /// URL of a proxy or tunnel through which browsers reach the page, such as https://light.example
+    /// Origin of a TLS proxy through which browsers reach the page: scheme and host
     #[arg(long, value_name = "URL")]
     public_origin: Option<PublicOrigin>,
 

@@ -621,7 +621,7 @@ fn wrong_weights_are_named() {
     let message = refusal(2, &closed);
     assert!(message.contains("--completion network"), "{message}");
     let message = refusal(2, &[&network("weights.safetensors")[..], &["--octree-depth", "5"]].concat());
-    assert!(message.contains("depth 6 at least, not 5"), "{message}");
+    assert!(message.contains("depth 6 or more, not 5"), "{message}");
     let message = refusal(1, &network("none.safetensors"));
     assert!(message.contains("none.safetensors"), "{message}");
     let message = refusal(1, &network("photo.png"));
