@@ -9,14 +9,15 @@ use std::sync::Arc;
 
 use exr::compression::Compression;
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage};
-use lightoctree::geometry::{Camera, Cube, Plane, Quat, Vec3};
-use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceImage};
-use lightoctree::octree::{LightOctree, Provenance, RadiancePoint};
-use lightoctree::scene::{
+use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
+use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
+use lo_imaging as imaging;
+use lo_imaging::{DepthMap, ExrOptions, Image, Photo, RadianceImage};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
+use lo_scene::{
     AnalyticLight, Completion, EmitterEdit, Estimate, EstimateOrigin, ExpectedLight, Frame, LightChange, LightColor,
     LightEdits, LightShape, ObjectDisplay, Room, RoomPlane, SceneFile, SceneObjects, Side,
 };
-use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 
 type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
 

@@ -2,11 +2,11 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use lightoctree::depth_models::{DepthModel, Geometry, ModelConfig, ModelError};
-use lightoctree::events;
-use lightoctree::geometry::Camera;
-use lightoctree::imaging::Image;
 use lightoctree_fuzz::let_decoders_panic;
+use lo_depth_models::{DepthModel, Geometry, ModelConfig, ModelError};
+use lo_events as events;
+use lo_geometry::Camera;
+use lo_imaging::Image;
 
 const CONFIG: &str = "kind = \"metric\"\nsize = { rule = \"fixed\", width = 28, height = 14 }";
 

@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use lightoctree::imaging;
 use lightoctree_fuzz::let_decoders_panic;
+use lo_imaging as imaging;
 
 fuzz_target!(init: let_decoders_panic(), |bytes: &[u8]| {
     // The extension is used only if the content is not recognised.

@@ -2,9 +2,9 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use lightoctree::geometry::{Ray, Vec3};
-use lightoctree::mesh::{LoadOptions, Model, PreparedModel};
 use lightoctree_fuzz::let_decoders_panic;
+use lo_geometry::{Ray, Vec3};
+use lo_mesh::{LoadOptions, Model, PreparedModel};
 
 // Textures are decoded by third-party code.
 fuzz_target!(init: let_decoders_panic(), |bytes: &[u8]| {

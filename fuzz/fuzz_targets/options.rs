@@ -3,8 +3,8 @@
 
 use clap::Parser;
 use libfuzzer_sys::fuzz_target;
-use lightoctree::insert::{Layout, Path, PathSource};
-use lightoctree::mesh::MaterialSpec;
+use lo_insert::{Layout, Path, PathSource};
+use lo_mesh::MaterialSpec;
 
 fuzz_target!(|text: &str| {
     let words = || std::iter::once("lightoctree").chain(text.split('\n'));
@@ -19,7 +19,7 @@ fuzz_target!(|text: &str| {
         let names: std::collections::HashSet<&str> = layout.objects().iter().map(|object| object.name()).collect();
         assert_eq!(names.len(), layout.objects().len());
         // Path files have the layout's own text, or keyframes.
-        let is_file = |object: &lightoctree::insert::LayoutObject| matches!(object.path, Some(PathSource::File(_)));
+        let is_file = |object: &lo_insert::LayoutObject| matches!(object.path, Some(PathSource::File(_)));
         let files = layout.objects().iter().any(is_file);
         assert!(layout.clone().with_paths(|_| Ok(text.to_owned())).is_err() == files);
         let way = r#"{"keyframes":[{"time_s":0,"pixel":[1,2]}]}"#;

@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use lightoctree::geometry::Vec3;
-use lightoctree::scene::poses::{PhotoPoses, PoseFile};
+use lo_geometry::Vec3;
+use lo_scene::poses::{PhotoPoses, PoseFile};
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(file) = PoseFile::from_bytes(bytes, "poses") else { return };

@@ -2,11 +2,11 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use lightoctree::cone::OctreeRenderer;
-use lightoctree::geometry::Vec3;
-use lightoctree::imaging::RadianceImage;
-use lightoctree::lights::AnalyticLights;
 use lightoctree::{Document, LightPurpose};
+use lo_cone::OctreeRenderer;
+use lo_geometry::Vec3;
+use lo_imaging::RadianceImage;
+use lo_lights::AnalyticLights;
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(document) = Document::from_bytes(bytes) else { return };

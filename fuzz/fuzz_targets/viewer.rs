@@ -5,9 +5,9 @@ use std::sync::{Arc, LazyLock};
 
 use libfuzzer_sys::fuzz_target;
 use lightoctree::Document;
-use lightoctree::geometry::Quat;
-use lightoctree::imaging::RadianceImage;
-use lightoctree::scene::{Completion, ExpectedLight};
+use lo_geometry::Quat;
+use lo_imaging::RadianceImage;
+use lo_scene::{Completion, ExpectedLight};
 use lo_session::{OpenScene, Session, SessionError, overlay, probe_position};
 use lo_viewer::protocol::FromPage;
 

@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use lightoctree::events::Figure;
 use lightoctree::{Event, Stage, Warning};
+use lo_events::Figure;
 
 use crate::interrupt;
 

@@ -25,7 +25,7 @@ use crate::{ModelError, Models};
 /// ```no_run
 /// use lightoctree::{Document, LightPurpose, SceneRenderer, geometry::Vec3};
 ///
-/// let document = Document::read("room.scene".as_ref())?;
+/// let document = Document::read("room.scene")?;
 /// let lit = document.lit(LightPurpose::Panorama)?;
 /// let panorama = SceneRenderer::new(&lit).panorama(Vec3::NEG_Z, 512, 256);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -99,8 +99,8 @@ impl Document {
     /// # Errors
     /// - [`DocumentError::Scene`] if the file cannot be read or is damaged.
     /// - [`DocumentError::Objects`] if its layout is invalid or refers to files outside the scene file.
-    pub fn read(path: &Path) -> Result<Self, DocumentError> {
-        Self::from_file(SceneFile::read(path)?)
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, DocumentError> {
+        Self::from_file(SceneFile::read(path.as_ref())?)
     }
 
     /// Reads a scene from the bytes of a scene file.
@@ -127,8 +127,8 @@ impl Document {
     ///
     /// # Errors
     /// If the file cannot be written, or the objects could not be read again.
-    pub fn write(&self, path: &Path, generator: &str) -> Result<(), DocumentError> {
-        Ok(self.to_file()?.write(path, generator)?)
+    pub fn write(&self, path: impl AsRef<Path>, generator: &str) -> Result<(), DocumentError> {
+        Ok(self.to_file()?.write(path.as_ref(), generator)?)
     }
 
     /// Returns the bytes of the scene file. Equal documents have equal bytes.

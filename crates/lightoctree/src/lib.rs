@@ -19,7 +19,7 @@
 //! let estimate = estimator.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
 //! // 2. Save.
 //! let document = Document::new(estimate);
-//! document.write("room.scene".as_ref(), "my program")?;
+//! document.write("room.scene", "my program")?;
 //! // 3. Light.
 //! let lit = document.lit(LightPurpose::Panorama)?;
 //! // 4. Render, one metre in front of the camera.
@@ -68,11 +68,10 @@
 //! | `weights` | yes | embeds the trained weights, 18 MB: `Estimator::shipped` |
 //! | `depth-models` | yes | third-party depth models in ONNX files: `depth_models`, `Estimator::predict_depth` |
 //!
-//! # Modules
+//! # Stability
 //!
-//! Most modules are re-exported crates of the workspace. The hidden module `nets` contains the networks' internals, for
-//! training and tests. Its types follow the deep-learning framework and are exempt from this crate's versioning. Only
-//! [`Networks`], [`CheckpointError`] and [`LightError`] of it are public API.
+//! `public_items.txt` beside `Cargo.toml` lists every public item, and a test compares it with the source. The crates
+//! `lo_*` that this crate consists of have no stable API.
 
 mod builtin;
 mod builtin_names;
@@ -82,37 +81,243 @@ mod models;
 mod probe_grid;
 mod probes;
 
+// 1. Estimate.
+pub use lo_completion::{PanoramaError, PanoramaPrior};
+pub use lo_estimate::{
+    DepthSource, EstimateError, EstimateOptions, Estimator, Exposures, Input, PhotoRequest, PredictedDepth,
+    ResolvedPhoto,
+};
+pub use lo_nets::Networks;
+pub use lo_nets::checkpoint::CheckpointError;
+pub use lo_scene::{CameraSource, Estimate};
+
+// 2. Document.
 pub use builtin::builtin_model;
 pub use builtin_names::{BUILTIN_MODELS, BUILTIN_PREFIX};
 pub use document::{Document, DocumentError, LightPurpose};
-pub use lo_completion as completion;
-pub use lo_completion::{PanoramaError, PanoramaPrior};
-pub use lo_cone as cone;
-#[cfg(feature = "depth-models")]
-pub use lo_depth_models as depth_models;
-pub use lo_estimate::{
-    AppliedLight, DEFAULT_HFOV_DEG, DEFAULT_OCTREE_DEPTH, DepthSource, EstimateError, EstimateOptions, Estimator,
-    Exposures, FittedLight, Input, LightReport, LightingError, PhotoRequest, PhotoSun, PredictedDepth, ResolvedPhoto,
-    ShadowError, check_white, sun_from_photo, supported_sun,
-};
-pub use lo_events as events;
-pub use lo_events::{Cancelled, Event, OnEvent, Stage, Warning};
-pub use lo_export as export;
-pub use lo_geometry as geometry;
-pub use lo_imaging as imaging;
-pub use lo_insert as insert;
-pub use lo_lights as lights;
-pub use lo_lookup::{Detail, LevelFrame, PhotoLookup, SceneRenderer};
-pub use lo_mesh as mesh;
-#[doc(hidden)]
-pub use lo_nets as nets;
-pub use lo_nets::Networks;
-pub use lo_nets::checkpoint::CheckpointError;
-pub use lo_nets::light::LightError;
-pub use lo_octree as octree;
-pub use lo_scene as scene;
-pub use lo_scene::{CameraSource, Estimate, GuessedLight, LightEffect, LightMode, LightTuning, LitScene};
 pub use model_error::ModelError;
 pub use models::Models;
+
+// 3. Lit scene.
+pub use lo_estimate::{AppliedLight, FittedLight, LightReport, LightingError};
+pub use lo_scene::{GuessedLight, LightMode, LightTuning, LitScene};
+
+// 4. Render.
+pub use lo_lookup::{Detail, LevelFrame, SceneRenderer};
 pub use probe_grid::probe_grid;
 pub use probes::render_probes;
+
+pub use events::{Cancelled, Event, OnEvent, Stage, Warning};
+
+/// Progress, warnings and cancellation of long functions.
+///
+/// ```no_run
+/// use std::ops::ControlFlow;
+/// use lightoctree::{Document, EstimateOptions, Estimator, Event, Input, imaging};
+///
+/// let photo = imaging::read_photo("room.jpg")?;
+/// let estimator = Estimator::shipped()?;
+/// let (camera, _source) = estimator.camera_of(&photo)?;
+/// let deadline = std::time::Instant::now() + std::time::Duration::from_secs(5);
+/// let mut on_event = |event: Event| {
+///     if let Event::Warning(warning) = &event {
+///         eprintln!("{warning:?}");
+///     }
+///     // Cancels the estimate, which then returns `EstimateError::Cancelled`.
+///     if std::time::Instant::now() > deadline { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+/// };
+/// let input = Input::Photo { photo: photo.photo, camera };
+/// let estimate = estimator.estimate(input, &EstimateOptions::default(), &mut on_event)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod events {
+    pub use lo_events::{Cancelled, Event, OnEvent, Stage, Warning, ignore};
+}
+
+/// Vectors, cameras and coordinate frames.
+///
+/// ```no_run
+/// use lightoctree::geometry::{Camera, Vec3};
+///
+/// // 640 × 480 pixels, 60° wide.
+/// let camera = Camera::from_hfov_deg(60.0, 640, 480)?;
+/// let point = camera.unproject(320.0, 240.0, 2.0);
+/// assert!((point - Vec3::new(0.0, 0.0, -2.0)).length() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod geometry {
+    pub use lo_geometry::{
+        Camera, CameraError, Cube, Mat3, Orientation, Plane, Quat, Ray, RigidTransform, Vec2, Vec3, direction_from_uv,
+        pixel_solid_angle_sr, uv_from_direction,
+    };
+}
+
+/// Photos, HDR images and depth maps: readers, writers, light of a panorama.
+///
+/// ```no_run
+/// use lightoctree::geometry::Vec3;
+/// use lightoctree::imaging::{self, Sh9, ToneCurve};
+///
+/// let panorama = imaging::read_radiance("studio.exr")?;
+/// let floor_irradiance = Sh9::project(&panorama).irradiance(Vec3::Y);
+/// let main_light = imaging::main_light(&panorama);
+/// imaging::write_tone_mapped("studio.png", &panorama, ToneCurve::Aces, 0.0, "my program")?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod imaging {
+    pub use lo_imaging::{
+        ChannelGroup, DepthMap, EnvironmentLayout, ExrOptions, Image, ImageError, MainLight, Photo, PhotoFile,
+        RadianceImage, Sh9, ToneCurve, depth_from_bytes, encode_exr, encode_photo, luminance, main_light,
+        photo_from_bytes, radiance_from_bytes, read_depth, read_photo, read_radiance, write_depth, write_photo,
+        write_radiance, write_tone_mapped,
+    };
+}
+
+/// The parts of an [`Estimate`].
+///
+/// ```no_run
+/// use lightoctree::Document;
+///
+/// let estimate = Document::read("room.scene")?.estimate;
+/// // The observed surface in the middle of the photo, in metres.
+/// let (width, height) = (estimate.frame.depth_m.width(), estimate.frame.depth_m.height());
+/// let point = estimate.frame.point(width / 2, height / 2);
+/// let floor = estimate.room.as_ref().and_then(|room| room.floor());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod scene {
+    pub use lo_scene::{
+        Completion, EstimateOrigin, ExpectedLight, Frame, FrameError, OtherPhoto, PanoramaContribution, PosedFrame,
+        Room, RoomPlane, SceneError, Side, poses,
+    };
+}
+
+/// The sparse voxel octree of radiance.
+///
+/// ```no_run
+/// use lightoctree::Document;
+///
+/// let light = &Document::read("room.scene")?.estimate.light;
+/// for leaf in light.octree.leaf_nodes() {
+///     let centre_m = lightoctree::octree::node_middle_m(light.cube, leaf.depth, light.octree.key(leaf));
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod octree {
+    pub use lo_octree::{
+        LeafNode, Level, LightOctree, MAX_DEPTH, NamedTensor, Octree, OctreeError, OctreeHeader, OctreeStats,
+        Provenance, key_from_xyz, node_middle_m, write_tensors, xyz_from_key,
+    };
+}
+
+/// Voxel cone tracing.
+///
+/// ```no_run
+/// use lightoctree::cone::{Cone, ConeTracer, Settings};
+/// use lightoctree::Document;
+/// use lightoctree::geometry::Vec3;
+///
+/// let light = &Document::read("room.scene")?.estimate.light;
+/// let tracer = ConeTracer::new(light, Settings::default())?;
+/// let cone = Cone { origin: Vec3::ZERO, direction: Vec3::NEG_Z, tan_half_angle: 0.01 };
+/// let sample = tracer.trace(&cone);
+/// println!("{:?} at {:.2} m", sample.radiance, sample.distance_m);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod cone {
+    pub use lo_cone::{Cone, ConeSample, ConeTracer, Rendering, Settings, TracerError};
+}
+
+/// The lights of a room, and edits of them.
+///
+/// ```no_run
+/// use lightoctree::Document;
+/// use lightoctree::lights::{EmitterEdit, LightChange};
+///
+/// let mut document = Document::read("room.scene")?;
+/// // Switches the strongest light off.
+/// if let Some(light) = document.lights().first() {
+///     let change = LightChange { on: false, ..LightChange::NONE };
+///     document.light_edits.change(&light.id, light.position_m.unwrap_or_default(), change);
+/// }
+/// document.write("dark.scene", "my program")?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod lights {
+    pub use lo_estimate::{PhotoSun, ShadowError, sun_from_photo, supported_sun};
+    pub use lo_lights::{LightKind, LightOrigin, LightsError, ListedLight};
+    pub use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, LightChange, LightColor, LightEdits, LightShape};
+}
+
+/// Triangle meshes with materials.
+///
+/// ```no_run
+/// use lightoctree::mesh::{LoadOptions, MaterialSpec, Model, PreparedModel};
+///
+/// let mut model = Model::load("vase.glb", &LoadOptions::default())?;
+/// model.override_material(&MaterialSpec::parse("chrome")?, "".as_ref())?;
+/// let prepared = PreparedModel::new(model);
+/// println!("{:.2} m high", prepared.bounds().size().y);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod mesh {
+    pub use lo_mesh::{
+        Bounds, LoadOptions, Material, MaterialSpec, MeshError, MeshWarning, Model, PreparedModel, Texture,
+    };
+}
+
+/// Objects in the photo.
+///
+/// ```no_run
+/// use lightoctree::insert::{Align, Inserter, Instance, Lighting, Placement, Quality};
+/// use lightoctree::mesh::PreparedModel;
+/// use lightoctree::{Document, LightPurpose, builtin_model, events, imaging};
+///
+/// let document = Document::read("room.scene")?;
+/// let sphere = PreparedModel::new(builtin_model("sphere")?);
+/// let placement = Placement::rest_on_pixel(&*document.estimate, 320.0, 400.0, Align::Gravity)?.scaled(0.2);
+/// let lit = document.lit(LightPurpose::Objects { at_m: placement.position_m })?;
+/// let inserter = Inserter::new(&lit, Lighting::Octree, Quality::Normal)?;
+/// let composite = inserter.render(&[Instance::new(&sphere, placement)], &mut events::ignore)?;
+/// imaging::write_photo("inserted.png", &composite.image, "my program")?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod insert {
+    pub use lo_insert::{
+        Align, Anchor, Base, Composite, Ground, InsertError, Inserter, Instance, Interpolation, Keyframe, Layout,
+        LayoutObject, Lighting, Path, PathSource, Placement, Quality,
+    };
+}
+
+/// 3D scenes for other programs.
+///
+/// ```no_run
+/// use lightoctree::export::{self, Content, Format, Options};
+/// use lightoctree::{Document, LightPurpose};
+///
+/// let lit = Document::read("room.scene")?.lit(LightPurpose::Export)?;
+/// let options = Options { format: Format::Usda, content: Content::Leaves, level: true, probes: &[] };
+/// export::write(&lit, &options, "room.usda")?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod export {
+    pub use lo_export::{Content, ExportError, Format, LightProbe, Options, Report, write};
+}
+
+/// Third-party depth networks in ONNX files.
+///
+/// ```no_run
+/// use lightoctree::depth_models::DepthModel;
+/// use lightoctree::{DepthSource, EstimateOptions, Estimator, PhotoRequest, events, imaging};
+///
+/// let photo = imaging::read_photo("room.jpg")?;
+/// let depth = DepthSource::Model(Box::new(DepthModel::read("depth_anything_v2.onnx", None)?));
+/// let estimator = Estimator::shipped()?;
+/// let resolved = estimator.resolve(PhotoRequest { photo, camera: None, depth }, &mut events::ignore)?;
+/// let estimate = estimator.estimate(resolved.input, &EstimateOptions::default(), &mut events::ignore)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[cfg(feature = "depth-models")]
+pub mod depth_models {
+    pub use lo_depth_models::{DepthModel, FieldOfView, Geometry, ModelConfig, ModelError, Prediction};
+}

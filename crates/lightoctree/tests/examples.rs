@@ -37,7 +37,7 @@ fn examples_write_what_the_photo_shows() {
     assert!(!measured.origin.predicted_depth && measured.confidence.is_some(), "completed by the light network");
 
     estimate::run(&photo, &at("alone.scene")).unwrap();
-    let alone = Document::read(&at("alone.scene")).unwrap().estimate;
+    let alone = Document::read(at("alone.scene")).unwrap().estimate;
     assert!(alone.origin.predicted_depth);
     assert_predicted_depth(&alone, &measured);
 

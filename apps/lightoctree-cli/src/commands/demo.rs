@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context;
-use lightoctree::geometry::Camera;
-use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Photo, ToneCurve};
-use lightoctree::insert::{self, Align, Base, Inserter, Instance, Lighting, PathPlacement, Placement, Quality};
-use lightoctree::mesh::{MaterialSpec, PreparedModel};
-use lightoctree::scene::Frame;
 use lightoctree::{Document, Estimate, EstimateOptions, Estimator, Input, LightPurpose, LitScene, SceneRenderer};
+use lo_geometry::Camera;
+use lo_imaging as imaging;
+use lo_imaging::{EnvironmentLayout, ExrOptions, Photo, ToneCurve};
+use lo_insert as insert;
+use lo_insert::{Align, Base, Inserter, Instance, Lighting, PathPlacement, Placement, Quality};
+use lo_mesh::{MaterialSpec, PreparedModel};
+use lo_scene::Frame;
 use serde_json::json;
 
 use super::environment;
@@ -82,7 +83,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         stages.note("estimate from photo and LiDAR depth");
     }
     let document = Document::new(estimate(&mut stages, Input::MeasuredDepth(frame), &estimator)?);
-    stages.stage("write scene", || document.write(&file("library.scene"), &output::signature(COMMAND)))?;
+    stages.stage("write scene", || document.write(file("library.scene"), &output::signature(COMMAND)))?;
     imaging::write_photo(file("photo.png"), &document.estimate.frame.photo, &output::signature(COMMAND))?;
     files.extend([file("library.scene"), file("photo.png")]);
     let base = placement(&document.estimate)?;
@@ -156,7 +157,7 @@ pub fn estimate(stages: &mut Stages, input: Input, estimator: &Estimator) -> any
 
 /// Reads the bundled object and gives it a preset material.
 pub fn model(material: &str) -> anyhow::Result<PreparedModel> {
-    let mut model = lightoctree::builtin_model("suzanne").context("the library contains the model `suzanne`")??;
+    let mut model = lightoctree::builtin_model("suzanne")?;
     model.override_material(&MaterialSpec::parse(material)?, Path::new("."))?;
     Ok(PreparedModel::new(model))
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use lightoctree::depth_models::{DepthModel, ModelConfig, ModelError};
+use lo_depth_models::{DepthModel, ModelConfig, ModelError};
 
 use crate::progress::Stages;
 use crate::usage::Usage;

@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use anyhow::Context;
-use lightoctree::cone::Rendering;
-use lightoctree::geometry::{Orientation, Vec3};
-use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage, ToneCurve};
 use lightoctree::{LitScene, SceneRenderer};
+use lo_cone::Rendering;
+use lo_geometry::{Orientation, Vec3};
+use lo_imaging as imaging;
+use lo_imaging::{EnvironmentLayout, ExrOptions, RadianceImage, ToneCurve};
 
 use super::level::{LevelArgs, OutputFrame};
 use crate::choice::{Choice, choice, name_of};

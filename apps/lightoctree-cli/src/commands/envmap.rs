@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use lightoctree::LightPurpose;
-use lightoctree::cone::Rendering;
-use lightoctree::geometry::{Orientation, Vec3};
-use lightoctree::imaging::{self, EnvironmentLayout, RadianceImage};
-use lightoctree::insert;
+use lo_cone::Rendering;
+use lo_geometry::{Orientation, Vec3};
+use lo_imaging as imaging;
+use lo_imaging::{EnvironmentLayout, RadianceImage};
+use lo_insert as insert;
 use serde_json::json;
 
 use super::environment::{self, PanoramaArgs, PanoramaRenderer};

@@ -3,15 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-#[cfg(feature = "depth-models")]
-use lightoctree::depth_models::DepthModel;
-use lightoctree::geometry::{Camera, Vec3};
-use lightoctree::imaging;
-use lightoctree::scene::Completion;
 use lightoctree::{
     DepthSource, Document, Estimate, EstimateError, EstimateOptions, Estimator, PanoramaPrior, PhotoRequest,
     ResolvedPhoto,
 };
+#[cfg(feature = "depth-models")]
+use lo_depth_models::DepthModel;
+use lo_geometry::{Camera, Vec3};
+use lo_imaging as imaging;
+use lo_scene::Completion;
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;

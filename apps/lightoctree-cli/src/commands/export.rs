@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use lightoctree::LightPurpose;
-use lightoctree::export::{self, Content, Format, LightProbe, Options};
-use lightoctree::geometry::Vec3;
+use lo_export as export;
+use lo_export::{Content, Format, LightProbe, Options};
+use lo_geometry::Vec3;
 use serde_json::json;
 
 use super::environment::{self, PanoramaRenderer};

@@ -5,12 +5,13 @@ mod objects;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use lightoctree::geometry::{Orientation, Vec3};
-use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
-use lightoctree::insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
-use lightoctree::mesh::{Material, PreparedModel};
-use lightoctree::scene::ObjectDisplay;
 use lightoctree::{Document, Estimate, Event, LightPurpose, LitScene, Models, Warning};
+use lo_geometry::{Orientation, Vec3};
+use lo_imaging as imaging;
+use lo_imaging::{ExrOptions, Image, RadianceImage};
+use lo_insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
+use lo_mesh::{Material, PreparedModel};
+use lo_scene::ObjectDisplay;
 use serde_json::json;
 
 use self::objects::ObjectArgs;
@@ -593,7 +594,7 @@ mod tests {
             else {
                 panic!("{orientation:?}")
             };
-            let right = lightoctree::geometry::uv_from_direction(Vec3::new(1.0, 0.0, 0.01).normalize()).x * 16.0;
+            let right = lo_geometry::uv_from_direction(Vec3::new(1.0, 0.0, 0.01).normalize()).x * 16.0;
             assert_eq!(read[(right as usize, 4)], [8.0; 3], "{orientation:?}");
         }
     }

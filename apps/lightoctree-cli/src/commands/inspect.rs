@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use lightoctree::Document;
-use lightoctree::geometry::Vec3;
-use lightoctree::imaging::luminance;
-use lightoctree::octree::LightOctree;
-use lightoctree::scene::LightEdits;
+use lo_geometry::Vec3;
+use lo_imaging::luminance;
+use lo_octree::LightOctree;
+use lo_scene::LightEdits;
 use serde::Serialize;
 
 use super::light;
@@ -38,8 +38,8 @@ struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     camera_source: Option<lightoctree::CameraSource>,
     exposure: f32,
-    completion: lightoctree::scene::Completion,
-    room: Option<lightoctree::scene::Room>,
+    completion: lo_scene::Completion,
+    room: Option<lo_scene::Room>,
     /// Expected error of the room's up direction in degrees, if the network predicted it.
     #[serde(skip_serializing_if = "Option::is_none")]
     up_deviation_deg: Option<f32>,
@@ -59,7 +59,7 @@ struct Summary {
     panorama: Option<PanoramaSummary>,
     /// Photos after the first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    other_photos: Vec<lightoctree::scene::OtherPhoto>,
+    other_photos: Vec<lo_scene::OtherPhoto>,
     /// The user's light edits, which the other fields do not include.
     #[serde(skip_serializing_if = "LightEdits::is_empty")]
     light_edits: LightEdits,
@@ -81,7 +81,7 @@ struct ObjectsSummary {
 #[derive(Serialize)]
 struct PanoramaSummary {
     #[serde(flatten)]
-    source: lightoctree::scene::PanoramaSource,
+    source: lo_scene::PanoramaSource,
     /// Share of the leaves, by area, whose radiance comes from the panorama.
     share: f64,
 }
@@ -174,7 +174,7 @@ fn summarise(document: &Document, bytes: u64) -> Summary {
     let depth_m = &scene.frame.depth_m;
     let readings = depth_m.pixels().iter().filter(|z| **z > 0.0).count();
     Summary {
-        format_version: lightoctree::scene::FORMAT_VERSION,
+        format_version: lo_scene::FORMAT_VERSION,
         octree: OctreeSummary {
             depth: light.octree.depth(),
             full_depth: light.octree.full_depth(),

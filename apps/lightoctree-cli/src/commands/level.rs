@@ -1,8 +1,8 @@
 //! `--level`: writes panoramas in a frame aligned with gravity.
 
-use lightoctree::cone::Rendering;
-use lightoctree::geometry::{Quat, Vec3};
 use lightoctree::{Estimate, LevelFrame};
+use lo_cone::Rendering;
+use lo_geometry::{Quat, Vec3};
 use serde_json::json;
 
 use crate::usage::Usage;

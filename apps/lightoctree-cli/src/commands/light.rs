@@ -1,6 +1,7 @@
 //! Options of inferred light, shared by `insert`, `envmap`, `probes` and `export`.
 
-use lightoctree::{Document, GuessedLight, LightEffect, LightMode, LightPurpose, LightTuning, LitScene};
+use lightoctree::{Document, GuessedLight, LightMode, LightPurpose, LightTuning, LitScene};
+use lo_scene::LightEffect;
 
 use super::parse;
 use crate::choice::{Choice, choice};

@@ -3,13 +3,12 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use lightoctree::geometry::Vec3;
-use lightoctree::imaging::luminance;
-use lightoctree::lights::{LightKind, LightOrigin, ListedLight, ShadowSupport};
-use lightoctree::scene::{
-    AnalyticLight, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE,
-};
-use lightoctree::{Document, Estimate, ShadowError};
+use lightoctree::{Document, Estimate};
+use lo_estimate::{ShadowError, sun_from_photo, supported_sun};
+use lo_geometry::Vec3;
+use lo_imaging::luminance;
+use lo_lights::{LightKind, LightOrigin, ListedLight, ShadowSupport};
+use lo_scene::{AnalyticLight, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE};
 use serde_json::json;
 
 use super::parse;
@@ -314,8 +313,8 @@ fn reset(document: &mut Document, id: Option<&str>) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn find<'a>(lights: &'a [ListedLight], id: &str) -> Result<&'a ListedLight, lightoctree::lights::LightsError> {
-    lights.iter().find(|light| light.id == id).ok_or_else(|| lightoctree::lights::LightsError::Unknown {
+fn find<'a>(lights: &'a [ListedLight], id: &str) -> Result<&'a ListedLight, lo_lights::LightsError> {
+    lights.iter().find(|light| light.id == id).ok_or_else(|| lo_lights::LightsError::Unknown {
         id: id.to_owned(),
         known: lights.iter().map(|light| light.id.clone()).collect(),
     })
@@ -332,7 +331,7 @@ fn full() -> anyhow::Error {
 fn sun(estimate: &Arc<Estimate>, args: &SunArgs, stages: &Stages) -> anyhow::Result<AnalyticLight> {
     let direction = match (args.shadow, args.azimuth, args.elevation) {
         (Some(shadow), ..) => direction_from_shadow(estimate, shadow, args.strength.is_some())?,
-        (None, Some(azimuth), Some(elevation)) => lightoctree::lights::sun_direction(estimate, azimuth, elevation),
+        (None, Some(azimuth), Some(elevation)) => lo_lights::sun_direction(estimate, azimuth, elevation),
         _ => return Err(Usage("give the direction with --azimuth and --elevation, or with --shadow".into()).into()),
     };
     let angular_radius_deg = 0.5 * args.angle as f32;
@@ -341,9 +340,9 @@ fn sun(estimate: &Arc<Estimate>, args: &SunArgs, stages: &Stages) -> anyhow::Res
         let color = args.color.unwrap_or(LightColor::Rgb([1.0; 3]));
         return Ok(light_with_luminance(shape, color, |extent| strength as f32 / extent));
     }
-    let [azimuth, elevation] = lightoctree::lights::sun_angles_deg(estimate, direction);
+    let [azimuth, elevation] = lo_lights::sun_angles_deg(estimate, direction);
     let angles = format!("azimuth {azimuth:.0}°, elevation {elevation:.0}°");
-    let found = lightoctree::sun_from_photo(estimate, direction, angular_radius_deg).ok_or_else(|| {
+    let found = sun_from_photo(estimate, direction, angular_radius_deg).ok_or_else(|| {
         Usage(format!(
             "the photo shows no sun patches with sharp edges on surfaces that face this sun ({angles}); with --strength it shines \
              in through all unobserved regions"
@@ -376,9 +375,9 @@ fn direction_from_shadow(
         }
     }
     let found = if is_free {
-        lightoctree::lights::sun_from_shadow(estimate, occluder, shadow).ok_or(ShadowError::NotBelow)
+        lo_lights::sun_from_shadow(estimate, occluder, shadow).ok_or(ShadowError::NotBelow)
     } else {
-        lightoctree::supported_sun(estimate, occluder, shadow)
+        supported_sun(estimate, occluder, shadow)
     };
     found.map_err(|error| Usage(format!("--shadow: {}", shadow_error_text(estimate, shadow, error))).into())
 }
@@ -388,7 +387,7 @@ fn shadow_error_text(estimate: &Estimate, [u, v]: [f64; 2], error: ShadowError) 
     let ShadowError::Unsupported { direction, support } = error else {
         return format!("{error}; give the occluder's pixel first, then the shadow's");
     };
-    let [azimuth, elevation] = lightoctree::lights::sun_angles_deg(estimate, direction);
+    let [azimuth, elevation] = lo_lights::sun_angles_deg(estimate, direction);
     let ShadowSupport { edges, sunny, explained, against, measured } = support;
     let (least, share) = (ShadowSupport::MIN_SUNNY, 100.0 * ShadowSupport::MIN_SUNNY_SHARE);
     let occlusion = if measured {
@@ -409,9 +408,7 @@ fn shadow_error_text(estimate: &Estimate, [u, v]: [f64; 2], error: ShadowError) 
 fn area(estimate: &Estimate, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {
     let up = estimate.up();
     let shape = match (args.size, args.direction, args.radius) {
-        (Some(size_m), Some(direction), _) => {
-            lightoctree::lights::rectangle(args.at, direction, up, size_m, args.two_sided)
-        }
+        (Some(size_m), Some(direction), _) => lo_lights::rectangle(args.at, direction, up, size_m, args.two_sided),
         (_, _, Some(radius)) => LightShape::Sphere { centre_m: args.at, radius_m: radius as f32 },
         _ => return Err(Usage("give --size with --direction, or --radius".into()).into()),
     };
@@ -425,7 +422,7 @@ fn area(estimate: &Estimate, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {
 /// Creates a light of a shape and colour; `luminance` computes its luminance from its extent.
 fn light_with_luminance(shape: LightShape, color: LightColor, luminance: impl Fn(f32) -> f32) -> AnalyticLight {
     let dark = AnalyticLight { shape, radiance: [0.0; 3] };
-    let radiance = lightoctree::lights::rgb_from_color(color) * luminance(dark.extent());
+    let radiance = lo_lights::rgb_from_color(color) * luminance(dark.extent());
     AnalyticLight { radiance: radiance.to_array(), ..dark }
 }
 
@@ -437,7 +434,7 @@ fn print_lights(document: &Document, as_json: bool) -> anyhow::Result<()> {
     if lights.is_empty() {
         report::print(&format!(
             "no lights: nothing in this scene is brighter than {} times the mean of its surfaces",
-            lightoctree::lights::CAP
+            lo_lights::CAP
         ));
         return Ok(());
     }
@@ -475,7 +472,7 @@ fn row(light: &ListedLight) -> Vec<String> {
         (.., Some(area)) => format!("{area:.2} m2"),
         _ => String::new(),
     };
-    let luminance = lightoctree::imaging::luminance(light.radiance);
+    let luminance = lo_imaging::luminance(light.radiance);
     let radiance = light
         .irradiance
         .map_or_else(|| three_digits(luminance), |strength| format!("strength {}", three_digits(strength)));

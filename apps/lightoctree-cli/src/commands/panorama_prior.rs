@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
-use lightoctree::geometry::{Orientation, Vec3};
-use lightoctree::scene::PanoramaSource;
 use lightoctree::{PanoramaError, PanoramaPrior};
+use lo_geometry::{Orientation, Vec3};
+use lo_scene::PanoramaSource;
 
 use super::environment::ORIENTATIONS;
 use super::parse;

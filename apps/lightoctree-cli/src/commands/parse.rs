@@ -1,7 +1,7 @@
 //! Parsers of option values such as `X,Y,Z` and `WxH`.
 
-use lightoctree::geometry::Vec3;
-use lightoctree::scene::{LightColor, MAX_KELVIN, MIN_KELVIN};
+use lo_geometry::Vec3;
+use lo_scene::{LightColor, MAX_KELVIN, MIN_KELVIN};
 
 /// Parses `X,Y,Z` in metres.
 pub fn point(text: &str) -> Result<Vec3, String> {

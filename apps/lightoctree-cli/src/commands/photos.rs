@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
-use lightoctree::geometry::{Camera, Vec3};
-use lightoctree::imaging::mirror_ball::stops_from_exif;
-use lightoctree::imaging::{self, PhotoExposure, PhotoFile};
-use lightoctree::scene::poses::PhotoPoses;
-use lightoctree::scene::{Frame, PosedFrame};
 use lightoctree::{Exposures, Input};
+use lo_geometry::{Camera, Vec3};
+use lo_imaging as imaging;
+use lo_imaging::mirror_ball::stops_from_exif;
+use lo_imaging::{PhotoExposure, PhotoFile};
+use lo_scene::poses::PhotoPoses;
+use lo_scene::{Frame, PosedFrame};
 
 use super::parse;
 use crate::progress::Stages;

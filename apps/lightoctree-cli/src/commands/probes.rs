@@ -4,10 +4,11 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use lightoctree::cone::Rendering;
-use lightoctree::geometry::Vec3;
-use lightoctree::insert::{self, PathPlacement};
 use lightoctree::{Cancelled, Estimate, LightPurpose};
+use lo_cone::Rendering;
+use lo_geometry::Vec3;
+use lo_insert as insert;
+use lo_insert::PathPlacement;
 use serde_json::json;
 
 use super::environment::{self, PanoramaArgs};

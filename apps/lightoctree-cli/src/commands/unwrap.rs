@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use lightoctree::geometry::{Camera, Orientation};
-use lightoctree::imaging::mirror_ball::{
+use lo_geometry::{Camera, Orientation};
+use lo_imaging as imaging;
+use lo_imaging::mirror_ball::{
     self, BallCircle, BallDetection, BallError, BallLens, BallView, UnwrapOptions, UnwrappedBall,
 };
-use lightoctree::imaging::{self, Image, Photo, PhotoFile};
+use lo_imaging::{Image, Photo, PhotoFile};
 use serde_json::json;
 
 use super::environment::{self, PanoramaFileArgs};

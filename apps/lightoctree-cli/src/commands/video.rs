@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use lightoctree::imaging::{Photo, Y4mWriter};
+use lo_imaging::{Photo, Y4mWriter};
 use tempfile::NamedTempFile;
 
 /// File name of standard output.

@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use assert_cmd::Command;
 use lightoctree::Document;
-use lightoctree::geometry::{Camera, Plane, Quat, Ray, Vec3};
-use lightoctree::imaging::{self, DepthMap, Image};
-use lightoctree::nets::checkpoint::{Checkpoint, Precision};
-use lightoctree::scene::{Completion, ExpectedLight};
+use lo_geometry::{Camera, Plane, Quat, Ray, Vec3};
+use lo_imaging as imaging;
+use lo_imaging::{DepthMap, Image};
+use lo_nets::checkpoint::{Checkpoint, Precision};
+use lo_scene::{Completion, ExpectedLight};
 use tempfile::TempDir;
 
 use crate::support::weights::write_weights;
@@ -573,7 +574,9 @@ fn a_photo_alone_is_enough() {
 #[cfg(feature = "weights")]
 #[test]
 fn library_and_program_write_the_same_bytes() {
-    use lightoctree::{EstimateOptions, Estimator, Input, events, scene::Frame};
+    use lightoctree::{EstimateOptions, Estimator, Input};
+    use lo_events as events;
+    use lo_scene::Frame;
 
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
     let [photo_path, depth_path] = ["library_color.jpg", "library_lidar_depth.png"].map(|name| assets.join(name));

@@ -4,8 +4,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use lightoctree::imaging::{self, Image};
 use lightoctree::{Document, Estimate};
+use lo_imaging as imaging;
+use lo_imaging::Image;
 use tempfile::TempDir;
 
 use crate::support::view::Viewer;
@@ -37,7 +38,7 @@ fn estimate<'a>(model: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 ///
 /// Over 95 % of the pixels must have a reading, and all readings must agree within a percent.
 fn assert_plane(folder: &Path, inverse: impl Fn(f64, f64) -> f64) -> Arc<Estimate> {
-    let scene = Document::read(&folder.join("room.scene")).unwrap().estimate;
+    let scene = Document::read(folder.join("room.scene")).unwrap().estimate;
     let depth_m = &scene.frame.depth_m;
     let (width, height) = (depth_m.width(), depth_m.height());
     let mut read = 0;

@@ -3,10 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use lightoctree::cone::OctreeRenderer;
-use lightoctree::geometry::{Camera, Plane, Quat, Ray, RigidTransform, Vec3};
-use lightoctree::imaging::{self, DepthMap, Image, srgb8_from_linear};
 use lightoctree::{Document, Estimate};
+use lo_cone::OctreeRenderer;
+use lo_geometry::{Camera, Plane, Quat, Ray, RigidTransform, Vec3};
+use lo_imaging as imaging;
+use lo_imaging::{DepthMap, Image, srgb8_from_linear};
 use tempfile::TempDir;
 
 use crate::support::{done, json, refused};
@@ -103,7 +104,7 @@ const DEPTHS: [&str; 3] = ["depth/0.exr", "depth/2.exr", "depth/4.exr"];
 fn estimate(folder: &Path, rest: &[&str]) -> Arc<Estimate> {
     let args = [&["estimate"][..], &PHOTOS, &["--depth"], &DEPTHS, &["--poses", "metadata.json"], rest];
     done(folder, &[&args.concat()[..], &["-o", "room.scene", "--force"]].concat());
-    Document::read(&folder.join("room.scene")).unwrap().estimate
+    Document::read(folder.join("room.scene")).unwrap().estimate
 }
 
 #[test]
@@ -127,7 +128,7 @@ fn a_record3d_folder_gives_a_scene_with_all_observed_light() {
                 if beside.iter().any(|other| *other != side) {
                     continue;
                 }
-                let at = lightoctree::geometry::uv_from_direction(direction);
+                let at = lo_geometry::uv_from_direction(direction);
                 let pixel = ((at.x * 96.0) as usize, (at.y * 48.0) as usize);
                 let found = panorama.radiance[pixel];
                 // 8 bits and JPEG: a few hundredths; leaves are 6 cm, three pixels of this panorama some 40 cm at the
@@ -211,5 +212,5 @@ fn options_may_precede_the_photos() {
     assert_eq!(read("before.scene"), read("room.scene"));
     let one = ["estimate", "--depth", "depth/0.exr", "rgb/0.jpg", "--completion", "none", "-o", "one.scene"];
     done(folder.path(), &one);
-    assert_eq!(Document::read(&folder.path().join("one.scene")).unwrap().estimate.origin.sources, ["0.jpg", "0.exr"]);
+    assert_eq!(Document::read(folder.path().join("one.scene")).unwrap().estimate.origin.sources, ["0.jpg", "0.exr"]);
 }

@@ -1,6 +1,7 @@
 //! Runs `unwrap` as a user does.
 
-use lightoctree::imaging::{self, Image, RadianceImage};
+use lo_imaging as imaging;
+use lo_imaging::{Image, RadianceImage};
 
 use crate::support::{done, json, refused};
 

@@ -50,7 +50,7 @@ fn the_final_picture_is_that_of_the_command_line_that_is_shown() {
     // The layers, too.
     let layers = [&words[..], &["--layers".into(), "layers.exr".into(), "--force".into()]].concat();
     done(folder.path(), &layers.iter().map(String::as_str).collect::<Vec<_>>());
-    let read = |bytes: &[u8]| lightoctree::imaging::exr_channels_from_bytes(bytes, "layers.exr").unwrap();
+    let read = |bytes: &[u8]| lo_imaging::exr_channels_from_bytes(bytes, "layers.exr").unwrap();
     let (_, downloaded) = viewer.get("download/layers.exr");
     assert_eq!(read(&downloaded).channels, read(&std::fs::read(folder.path().join("layers.exr")).unwrap()).channels);
 }
@@ -140,7 +140,7 @@ fn the_guessed_light_is_that_of_the_command_line() {
     std::fs::write(folder.path().join("light.exr"), light).unwrap();
     let envmap = ["envmap", "kept.scene", "--pixel", "70,80", "--lift", "0.1", "--size", "1024x512", "-o", "b.exr"];
     done(folder.path(), &envmap);
-    let read = |name: &str| lightoctree::imaging::read_radiance(folder.path().join(name)).unwrap();
+    let read = |name: &str| lo_imaging::read_radiance(folder.path().join(name)).unwrap();
     assert!(read("light.exr") == read("b.exr"));
     done(folder.path(), &["lights", "reset", "kept.scene", "-o", "reset.scene"]);
     assert!(!done(folder.path(), &["inspect", "reset.scene"]).contains("contrast"));
@@ -182,7 +182,7 @@ fn downloads_open_again() {
         folder.path(),
         &["insert", "new_room.scene", "--layout", "new_objects.json", "--quality", "draft", "-o", "a.png"],
     );
-    let panorama = lightoctree::imaging::read_radiance(folder.path().join("new_light.exr")).unwrap();
+    let panorama = lo_imaging::read_radiance(folder.path().join("new_light.exr")).unwrap();
     assert_eq!((panorama.width(), panorama.height()), (1024, 512));
     // `envmap` renders the same light.
     let envmap = [
@@ -199,7 +199,7 @@ fn downloads_open_again() {
         "b.exr",
     ];
     done(folder.path(), &envmap);
-    assert_eq!(panorama, lightoctree::imaging::read_radiance(folder.path().join("b.exr")).unwrap());
+    assert_eq!(panorama, lo_imaging::read_radiance(folder.path().join("b.exr")).unwrap());
     let glb = std::fs::read(folder.path().join("new_room.glb")).unwrap();
     assert!(glb.starts_with(b"glTF"));
     let usd = std::fs::read(folder.path().join("new_room_usd.tar")).unwrap();
@@ -312,7 +312,7 @@ fn each_page_has_its_own_view_of_the_room() {
         page.send(asked);
         let (told, bytes) = page.receive("the room", is_seen);
         assert_eq!(told["sequence"], 7);
-        let photo = lightoctree::imaging::photo_from_bytes(&bytes, "outside").unwrap().photo;
+        let photo = lo_imaging::photo_from_bytes(&bytes, "outside").unwrap().photo;
         (told["mime"].as_str().unwrap().to_owned(), photo.width(), photo.height())
     };
     pages.iter_mut().for_each(|page| drop(page.receive("the scene", |message| message["type"] == "scene")));
@@ -322,7 +322,7 @@ fn each_page_has_its_own_view_of_the_room() {
     assert_eq!(shown(second, &changed(json!({ "width": 64 }))), ("image/jpeg".to_owned(), 64, 90));
     let (_, bytes) = first.receive("the room", is_seen);
     assert!(bytes.starts_with(b"\x89PNG"));
-    assert_eq!(lightoctree::imaging::photo_from_bytes(&bytes, "outside").unwrap().photo.width(), 100);
+    assert_eq!(lo_imaging::photo_from_bytes(&bytes, "outside").unwrap().photo.width(), 100);
     for wrong in [
         json!({ "width": 4_000_000_000_u32 }),
         json!({ "height": 0 }),

@@ -53,10 +53,10 @@ fn assert_looks_as(browser: &mut Browser, name: &str) {
     if std::env::var_os("UPDATE_SNAPSHOTS").is_some() {
         std::fs::write(&file, &bytes).unwrap();
     }
-    let shown = lightoctree::imaging::photo_from_bytes(&bytes, name).unwrap().photo.radiance();
-    let kept = lightoctree::imaging::read_photo(&file).unwrap().photo.radiance();
+    let shown = lo_imaging::photo_from_bytes(&bytes, name).unwrap().photo.radiance();
+    let kept = lo_imaging::read_photo(&file).unwrap().photo.radiance();
     assert_eq!((shown.width(), shown.height()), (kept.width(), kept.height()), "{name}");
-    let srgb = |value: f32| 255.0 * lightoctree::imaging::srgb_from_linear(value);
+    let srgb = |value: f32| 255.0 * lo_imaging::srgb_from_linear(value);
     let off: Vec<f32> = std::iter::zip(shown.pixels().iter().flatten(), kept.pixels().iter().flatten())
         .map(|(&a, &b)| (srgb(a) - srgb(b)).abs())
         .collect();
@@ -679,10 +679,10 @@ fn turn_for(browser: &mut Browser, seconds: f64) -> (f64, f64, f64) {
 fn view_figures() {
     let Some(mut browser) = Browser::start("the viewer's figures") else { return };
     let folder = tempfile::tempdir().unwrap();
-    let photo = lightoctree::imaging::read_photo(lo_testdata::asset("library_color.jpg")).unwrap().photo.radiance();
-    let photo = lightoctree::imaging::resize(&photo, 960, 720);
-    let photo = lightoctree::imaging::Photo::Srgb8(photo.map(|rgb| rgb.map(lightoctree::imaging::srgb8_from_linear)));
-    lightoctree::imaging::write_photo(folder.path().join("photo.jpg"), &photo, "test").unwrap();
+    let photo = lo_imaging::read_photo(lo_testdata::asset("library_color.jpg")).unwrap().photo.radiance();
+    let photo = lo_imaging::resize(&photo, 960, 720);
+    let photo = lo_imaging::Photo::Srgb8(photo.map(|rgb| rgb.map(lo_imaging::srgb8_from_linear)));
+    lo_imaging::write_photo(folder.path().join("photo.jpg"), &photo, "test").unwrap();
     let depth = lo_testdata::asset("library_lidar_depth.png").display().to_string();
     for (what, more) in
         [("photo alone", &[][..]), ("photo with LiDAR depth", &["--depth", &depth, "--intrinsics", "665,665,480,360"])]

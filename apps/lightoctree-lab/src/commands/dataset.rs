@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ValueEnum;
-use lightoctree::imaging;
 use lightoctree_cli::args::Global;
 use lightoctree_cli::commands::environment::signed;
 use lightoctree_cli::progress::{bar, seconds};
@@ -14,6 +13,7 @@ use lo_dataset::{
     ContactSheet, CropModel, Dataset, DatasetError, DatasetLayout, Histogram, Loader, LoaderConfig, Sample, ShardCount,
     ShardFolder, Split, Summary, SummaryReport, convert_to_shards, evenly_spread,
 };
+use lo_imaging as imaging;
 use lo_metrics::LightDistribution;
 use serde_json::json;
 

@@ -6,8 +6,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use lightoctree::insert::Quality;
-use lightoctree::{Estimator, imaging};
+use lightoctree::Estimator;
 use lightoctree_cli::args::Global;
 use lightoctree_cli::commands::environment::write_json;
 use lightoctree_cli::commands::parse;
@@ -19,6 +18,8 @@ use lo_eval::{
     EvalError, Evaluation, InsertionEvaluation, InsertionMethod, Method, PhotoSelection, Profile, ProfileError,
     Protocol, Report, Tools,
 };
+use lo_imaging as imaging;
+use lo_insert::Quality;
 use serde_json::json;
 
 use super::dataset::{LayoutName, SplitName};

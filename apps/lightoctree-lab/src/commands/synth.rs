@@ -143,7 +143,7 @@ fn write_glb(global: &Global, args: &Args, config: GeneratorConfig, room: u32, p
     let interior = generator.interior(room.into())?;
     let cameras = interior.camera_poses(generator.config().shots as usize);
     let bytes = interior.to_glb(&output::signature(COMMAND), &cameras)?;
-    lightoctree::imaging::write_atomically(path, |out| out.write_all(&bytes))?;
+    lo_imaging::write_atomically(path, |out| out.write_all(&bytes))?;
     if args.json {
         let description = serde_json::to_value(&interior.description)?;
         report::print_json(&json!({ "id": interior.id, "bytes": bytes.len(), "description": description }))?;

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use indicatif::ProgressBar;
-use lightoctree::events::{Event, Figure, Stage};
 use lightoctree_cli::args::Global;
 use lightoctree_cli::progress::{bar, seconds, stage_label, warning_text};
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{interrupt, output, report};
+use lo_events::{Event, Figure, Stage};
 use lo_train::{CHECKPOINT_FILE, InitialWeights, TrainConfig, TrainError, TrainRequest};
 
 use crate::config;
@@ -150,7 +150,7 @@ fn read_config(args: &Args, run: Option<&Path>) -> anyhow::Result<TrainConfig> {
 
 fn write_config(path: &Path, config: &TrainConfig) -> anyhow::Result<()> {
     let text = format!("# {}\n{}", output::signature(COMMAND), config::text(config)?);
-    lightoctree::imaging::write_atomically(path, |out| std::io::Write::write_all(out, text.as_bytes()))
+    lo_imaging::write_atomically(path, |out| std::io::Write::write_all(out, text.as_bytes()))
         .with_context(|| format!("cannot write {}", path.display()))
 }
 

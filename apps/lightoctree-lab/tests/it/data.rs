@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use lightoctree::geometry::pixel_direction;
-use lightoctree::imaging::{self, ExrOptions, Image};
+use lo_geometry::pixel_direction;
+use lo_imaging as imaging;
+use lo_imaging::{ExrOptions, Image};
 
 use crate::support::{done, json, refused};
 

@@ -149,5 +149,5 @@ fn weights_are_averaged_merged_and_inspected() {
     assert!(text.contains(first["sha256"].as_str().unwrap()) && text.contains("depth = 6"), "{text}");
     let message =
         refused(at, 2, &["weights", "average", "weights.safetensors", "mean.safetensors", "-o", "mean.safetensors"]);
-    assert!(message.contains("give --force"), "{message}");
+    assert!(message.contains("overwrite it with --force"), "{message}");
 }

@@ -87,7 +87,8 @@ pub struct Report {
 /// # Errors
 /// If the scene has no content or values that are not finite, if the result is too large for the format, if it is to
 /// be levelled and gravity is unknown, or if a file cannot be written.
-pub fn write(scene: &LitScene, options: &Options, path: &Path) -> Result<Report, ExportError> {
+pub fn write(scene: &LitScene, options: &Options, path: impl AsRef<Path>) -> Result<Report, ExportError> {
+    let path = path.as_ref();
     let Options { format, content, .. } = *options;
     let panorama = scene.panorama.as_ref();
     let leaves = free_space::leaves(&scene.light, panorama.map(|laid| &laid.share[..]));

@@ -1,6 +1,6 @@
 use lightoctree::LightMode;
-use lightoctree::insert::{Align, Interpolation};
-use lightoctree::scene::LightChange;
+use lo_insert::{Align, Interpolation};
+use lo_scene::LightChange;
 use serde::{Deserialize, Serialize};
 
 use crate::{NewLight, ObjectMaterial, ObjectPosition, ObjectSize};

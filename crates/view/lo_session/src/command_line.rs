@@ -1,7 +1,7 @@
 //! The `lightoctree insert` command line equivalent to a session's state.
 
-use lightoctree::insert::{Align, LayoutObject};
 use lightoctree::{GuessedLight, LightTuning};
+use lo_insert::{Align, LayoutObject};
 
 use crate::{Object, State};
 

@@ -1,7 +1,7 @@
 //! Upsamples a draft's objects and shadows into a larger photo, so that the room stays sharp during a movement.
 
-use lightoctree::imaging::{Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
-use lightoctree::insert::Composite;
+use lo_imaging::{Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
+use lo_insert::Composite;
 use rayon::prelude::*;
 
 /// Entries of the table of sRGB codes, indexed by the square root of the linear value.
@@ -123,7 +123,7 @@ impl CompositeLayers<'_> {
 
 #[cfg(test)]
 mod tests {
-    use lightoctree::imaging::Photo;
+    use lo_imaging::Photo;
 
     use super::*;
 

@@ -1,7 +1,7 @@
 //! Dragging objects along their supporting surfaces.
 
-use lightoctree::geometry::{Plane, Ray, Vec3};
-use lightoctree::insert::Placement;
+use lo_geometry::{Plane, Ray, Vec3};
+use lo_insert::Placement;
 
 use crate::{Object, ObjectPosition, OpenScene};
 

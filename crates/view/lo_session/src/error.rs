@@ -1,7 +1,7 @@
-use lightoctree::imaging::ImageError;
-use lightoctree::insert::InsertError;
-use lightoctree::lights::LightsError;
-use lightoctree::mesh::MeshError;
+use lo_imaging::ImageError;
+use lo_insert::InsertError;
+use lo_lights::LightsError;
+use lo_mesh::MeshError;
 
 /// A command was refused, or an image could not be rendered.
 #[derive(Debug, thiserror::Error)]
@@ -85,10 +85,10 @@ pub enum SessionError {
     Document(#[from] lightoctree::DocumentError),
     /// The scene cannot be exported.
     #[error(transparent)]
-    Export(#[from] lightoctree::export::ExportError),
+    Export(#[from] lo_export::ExportError),
     /// The light cannot be traced.
     #[error(transparent)]
-    Tracer(#[from] lightoctree::cone::TracerError),
+    Tracer(#[from] lo_cone::TracerError),
     /// The temporary files of an export cannot be written or read.
     #[error("temporary files: {0}")]
     Temporary(#[from] std::io::Error),

@@ -1,7 +1,7 @@
 //! Times and positions of keyframes.
 
-use lightoctree::insert::{Keyframe, Path};
-use lightoctree::scene::MAX_TIME_S;
+use lo_insert::{Keyframe, Path};
+use lo_scene::MAX_TIME_S;
 
 use crate::SessionError;
 use crate::object_position::ObjectPosition;

@@ -1,6 +1,6 @@
 //! Keyframes of objects: position and rotation at given times.
 
-use lightoctree::insert::{Interpolation, Keyframe, Path};
+use lo_insert::{Interpolation, Keyframe, Path};
 
 use crate::key_times::{is_same, position_of, quantized_time_s};
 use crate::{Object, ObjectPosition, SessionError};

@@ -1,7 +1,7 @@
 use lightoctree::Estimate;
-use lightoctree::geometry::Vec3;
-use lightoctree::lights::{rgb_from_color, sun_direction};
-use lightoctree::scene::{AnalyticLight, LightColor, LightShape};
+use lo_geometry::Vec3;
+use lo_lights::{rgb_from_color, sun_direction};
+use lo_scene::{AnalyticLight, LightColor, LightShape};
 use serde::{Deserialize, Serialize};
 
 use crate::SessionError;
@@ -43,7 +43,7 @@ impl NewLight {
     /// If a number is out of range.
     pub fn analytic(self, estimate: &Estimate) -> Result<AnalyticLight, SessionError> {
         let color = |kelvin: f32| {
-            let known = (lightoctree::scene::MIN_KELVIN..=lightoctree::scene::MAX_KELVIN).contains(&kelvin);
+            let known = (lo_scene::MIN_KELVIN..=lo_scene::MAX_KELVIN).contains(&kelvin);
             if known {
                 Ok(rgb_from_color(LightColor::Kelvin(kelvin)))
             } else {

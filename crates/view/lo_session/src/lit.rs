@@ -1,8 +1,8 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use lightoctree::geometry::Vec3;
-use lightoctree::scene::LightEdits;
 use lightoctree::{AppliedLight, FittedLight, GuessedLight, LitScene};
+use lo_geometry::Vec3;
+use lo_scene::LightEdits;
 
 use crate::{OpenScene, SessionError, State};
 

@@ -3,10 +3,10 @@ use std::fmt;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lightoctree::geometry::Vec3;
-use lightoctree::insert::Base;
-use lightoctree::mesh::{MaterialSpec, Model, PreparedModel};
 use lightoctree::{BUILTIN_PREFIX, Document, builtin_model};
+use lo_geometry::Vec3;
+use lo_insert::Base;
+use lo_mesh::{MaterialSpec, Model, PreparedModel};
 use serde::{Deserialize, Serialize};
 
 use crate::SessionError;
@@ -34,7 +34,7 @@ pub struct Mesh {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectMaterial {
-    /// One of [`Material::preset_names`](lightoctree::mesh::Material::preset_names).
+    /// One of [`Material::preset_names`](lo_mesh::Material::preset_names).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
     /// Linear RGB in [0, 1].
@@ -53,7 +53,7 @@ impl ObjectMaterial {
     pub fn spec(&self) -> MaterialSpec {
         MaterialSpec {
             preset: self.preset.clone(),
-            base_color: self.base_color.map(lightoctree::mesh::Color::Rgb),
+            base_color: self.base_color.map(lo_mesh::Color::Rgb),
             metallic: self.metallic,
             roughness: self.roughness,
             ..MaterialSpec::default()
@@ -64,7 +64,7 @@ impl ObjectMaterial {
     pub(crate) fn from_spec(spec: &MaterialSpec) -> Option<Self> {
         let base_color = match &spec.base_color {
             None => None,
-            Some(lightoctree::mesh::Color::Rgb(rgb)) => Some(*rgb),
+            Some(lo_mesh::Color::Rgb(rgb)) => Some(*rgb),
             Some(_) => return None,
         };
         let known =
@@ -115,9 +115,8 @@ impl Mesh {
     /// # Errors
     /// If there is no built-in mesh of that name.
     pub fn builtin(name: &str) -> Result<Self, SessionError> {
-        let unknown = || SessionError::NoMesh(name.to_owned());
-        let model = name.strip_prefix(BUILTIN_PREFIX).and_then(builtin_model).ok_or_else(unknown)??;
-        Ok(Self::new(name.to_owned(), model))
+        let builtin = name.strip_prefix(BUILTIN_PREFIX).ok_or_else(|| SessionError::NoMesh(name.to_owned()))?;
+        Ok(Self::new(name.to_owned(), builtin_model(builtin)?))
     }
 
     /// Returns the value of `--mesh` on the command line.

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use lightoctree::insert::{Align, Ground, InsertError, Layout, LayoutObject, Path, PathSource, Placement};
+use lo_insert::{Align, Ground, InsertError, Layout, LayoutObject, Path, PathSource, Placement};
 use serde::{Deserialize, Serialize};
 
 use crate::key_times::{key_at, position_of};

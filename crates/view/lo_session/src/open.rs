@@ -1,10 +1,10 @@
 use std::path::Path;
 
-use lightoctree::geometry::Vec3;
-use lightoctree::insert::{Ground, ObservedSurfaces};
-use lightoctree::lights::ListedLight;
-use lightoctree::scene::Room;
 use lightoctree::{Document, Estimate, FittedLight};
+use lo_geometry::Vec3;
+use lo_insert::{Ground, ObservedSurfaces};
+use lo_lights::ListedLight;
+use lo_scene::Room;
 use serde::Serialize;
 
 /// A scene prepared for a session.

@@ -1,10 +1,12 @@
 //! Downloadable files of a session, made in memory.
 
 use lightoctree::SceneRenderer;
-use lightoctree::export::{self, Content, Format, LightProbe};
-use lightoctree::geometry::Vec3;
-use lightoctree::imaging::{self, ExrOptions};
-use lightoctree::insert::Composite;
+use lo_export as export;
+use lo_export::{Content, Format, LightProbe};
+use lo_geometry::Vec3;
+use lo_imaging as imaging;
+use lo_imaging::ExrOptions;
+use lo_insert::Composite;
 
 use crate::lit::LitSceneCache;
 use crate::{OpenScene, SessionError, State};
@@ -65,7 +67,7 @@ pub fn export(
         panorama.iter().map(|(at, seen)| LightProbe { radiance: &seen.radiance, position_m: *at }).collect();
     let folder = tempfile::tempdir()?;
     let options = export::Options { format, content: Content::Leaves, level: false, probes: &probes };
-    let written = export::write(&lit, &options, &folder.path().join(format!("room.{format}")))?;
+    let written = export::write(&lit, &options, folder.path().join(format!("room.{format}")))?;
     let file = |path: &std::path::PathBuf| {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         Ok((name, std::fs::read(path)?))

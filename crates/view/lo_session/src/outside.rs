@@ -1,11 +1,12 @@
 use std::sync::Arc;
 
 use lightoctree::LitScene;
-use lightoctree::export::RoomFaces;
-use lightoctree::geometry::{Camera, Mat3, Ray, Vec3};
-use lightoctree::imaging::{self, Image, ToneCurve};
-use lightoctree::mesh::{Hit, Material, Model, PlacedModel, PreparedModel};
-use lightoctree::octree::{LeafNode, Octree};
+use lo_export::RoomFaces;
+use lo_geometry::{Camera, Mat3, Ray, Vec3};
+use lo_imaging as imaging;
+use lo_imaging::{Image, ToneCurve};
+use lo_mesh::{Hit, Material, Model, PlacedModel, PreparedModel};
+use lo_octree::{LeafNode, Octree};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

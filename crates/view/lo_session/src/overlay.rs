@@ -1,9 +1,9 @@
 //! Overlays on the photo: depth, normals, octree levels and provenance.
 
 use lightoctree::Estimate;
-use lightoctree::cone::{ConeTracer, Settings};
-use lightoctree::geometry::Vec3;
-use lightoctree::imaging::{DepthMap, Image};
+use lo_cone::{ConeTracer, Settings};
+use lo_geometry::Vec3;
+use lo_imaging::{DepthMap, Image};
 use serde::{Deserialize, Serialize};
 
 use crate::{OpenScene, SessionError};

@@ -1,9 +1,10 @@
 use std::sync::Arc;
 
-use lightoctree::cone::Rendering;
-use lightoctree::geometry::{Vec3, pixel_direction};
-use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Image, RadianceImage, ToneCurve};
 use lightoctree::{LitScene, SceneRenderer};
+use lo_cone::Rendering;
+use lo_geometry::{Vec3, pixel_direction};
+use lo_imaging as imaging;
+use lo_imaging::{EnvironmentLayout, ExrOptions, Image, RadianceImage, ToneCurve};
 use rayon::prelude::*;
 
 use crate::lit::LitSceneCache;

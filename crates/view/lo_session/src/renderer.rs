@@ -4,11 +4,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use lightoctree::OnEvent;
-use lightoctree::imaging::{self, Image, Photo};
-use lightoctree::insert::{Composite, Inserter, Instance, Lighting, Quality};
-use lightoctree::mesh::PreparedModel;
-use lightoctree::scene::{Frame, resized_photo};
 use lightoctree::{Estimate, LitScene};
+use lo_imaging as imaging;
+use lo_imaging::{Image, Photo};
+use lo_insert::{Composite, Inserter, Instance, Lighting, Quality};
+use lo_mesh::PreparedModel;
+use lo_scene::{Frame, resized_photo};
 use serde::Serialize;
 
 use crate::draft_patch::{ImagePatch, draft_patch};

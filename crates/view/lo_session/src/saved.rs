@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use lightoctree::Document;
-use lightoctree::insert::{Ground, LayoutObject, PathSource, Placement};
-use lightoctree::scene::ObjectDisplay;
+use lo_insert::{Ground, LayoutObject, PathSource, Placement};
+use lo_scene::ObjectDisplay;
 
 use crate::{Mesh, Object, ObjectMaterial, ObjectPosition, ObjectSize, SessionError, State};
 

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
 use lightoctree::OnEvent;
-use lightoctree::insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
-use lightoctree::mesh::PreparedModel;
+use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
+use lo_mesh::PreparedModel;
 
 use crate::lit::LitSceneCache;
 use crate::{SessionError, State};

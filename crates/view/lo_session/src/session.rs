@@ -2,10 +2,11 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-use lightoctree::insert::{Align, Layout, Placement};
-use lightoctree::mesh::Model;
-use lightoctree::scene::{CONTRASTS, LightEdits, MAX_LIGHT_EDITS, ObjectDisplay, WARMTHS_EV};
-use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, GuessedLight, LightEffect, LightMode};
+use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, GuessedLight, LightMode};
+use lo_insert::{Align, Layout, Placement};
+use lo_mesh::Model;
+use lo_scene::LightEffect;
+use lo_scene::{CONTRASTS, LightEdits, MAX_LIGHT_EDITS, ObjectDisplay, WARMTHS_EV};
 
 use crate::drag::dragged;
 use crate::{Command, Files, Mesh, Object, ObjectMaterial, ObjectPosition, ObjectSize, OpenScene, SessionError, State};
@@ -311,7 +312,7 @@ impl Session {
             }
             Command::Warmth { ev } => tuning.warmth_ev = within("the warmth", "from -4 to 4 stops", WARMTHS_EV, ev)?,
             Command::White { pixel } => {
-                pixel.map_or(Ok(()), |pixel| lightoctree::check_white(estimate, pixel))?;
+                pixel.map_or(Ok(()), |pixel| lo_estimate::check_white(estimate, pixel))?;
                 tuning.white = pixel;
             }
             _ => {}

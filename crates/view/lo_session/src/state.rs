@@ -1,6 +1,6 @@
 use lightoctree::GuessedLight;
-use lightoctree::insert::{Ground, InsertError, Layout};
-use lightoctree::scene::{LightEdits, ObjectDisplay};
+use lo_insert::{Ground, InsertError, Layout};
+use lo_scene::{LightEdits, ObjectDisplay};
 
 use crate::key_times::quantized_time_s;
 use crate::{Object, SessionError};

@@ -1,7 +1,8 @@
-use lightoctree::insert::{Align, Path};
-use lightoctree::lights::{ListedLight, sun_angles_deg};
-use lightoctree::scene::{AddedLight, LightChange, LightEdits, LightShape};
-use lightoctree::{GuessedLight, LightEffect};
+use lightoctree::GuessedLight;
+use lo_insert::{Align, Path};
+use lo_lights::{ListedLight, sun_angles_deg};
+use lo_scene::LightEffect;
+use lo_scene::{AddedLight, LightChange, LightEdits, LightShape};
 use serde::Serialize;
 
 use crate::{ObjectMaterial, ObjectPosition, ObjectSize, Session, insert_command};

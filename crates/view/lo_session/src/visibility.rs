@@ -3,8 +3,8 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use lightoctree::geometry::{Camera, Ray, Vec3, fibonacci_sphere};
-use lightoctree::mesh::PreparedModel;
+use lo_geometry::{Camera, Ray, Vec3, fibonacci_sphere};
+use lo_mesh::PreparedModel;
 use rayon::prelude::*;
 
 /// Rays over the sphere from the photo's camera, along the photo's longer side, and over the sphere from each other

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use axum::extract::{Path, State};
 use axum::http::{StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
-use lightoctree::export::Format;
-use lightoctree::geometry::Vec3;
+use lo_export::Format;
+use lo_geometry::Vec3;
 use lo_session::{Probe, SessionError, outputs, probe_position};
 
 use crate::app::App;

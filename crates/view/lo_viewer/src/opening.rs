@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-#[cfg(feature = "depth-models")]
-use lightoctree::depth_models::DepthModel;
-use lightoctree::geometry::Camera;
-use lightoctree::imaging;
 use lightoctree::{
     DepthSource, Document, Estimate, EstimateOptions, Estimator, Event, OnEvent, PanoramaPrior, PhotoRequest,
     ResolvedPhoto,
 };
+#[cfg(feature = "depth-models")]
+use lo_depth_models::DepthModel;
+use lo_geometry::Camera;
+use lo_imaging as imaging;
 use lo_session::OpenScene;
 
 use crate::event_text::EventText;
@@ -136,7 +136,7 @@ fn estimate(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, Stri
     let panorama = panorama
         .map(|NamedFile { name, bytes }| {
             sources.push(name.clone());
-            PanoramaPrior::from_bytes(&bytes, lightoctree::geometry::Orientation::Lightoctree, &name)
+            PanoramaPrior::from_bytes(&bytes, lo_geometry::Orientation::Lightoctree, &name)
                 .map_err(|error| format!("{name} is not a panorama of a room: {error}"))
         })
         .transpose()?;

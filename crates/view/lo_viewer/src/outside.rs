@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use lightoctree::imaging;
+use lo_imaging as imaging;
 use lo_session::{LitSceneCache, OutsideRenderer, OutsideView, State};
 
 use crate::failure::guarded;

@@ -6,7 +6,7 @@
 
 use std::ops::RangeInclusive;
 
-use lightoctree::geometry::Camera;
+use lo_geometry::Camera;
 use lo_session::{Command, OutsideView, Overlay, RenderStep, RoomExtent, SessionView};
 use serde::{Deserialize, Serialize};
 

@@ -12,8 +12,8 @@ use axum::body::{Body, Bytes};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_core::Stream;
-use lightoctree::imaging::Y4mWriter;
-use lightoctree::insert::Quality;
+use lo_imaging::Y4mWriter;
+use lo_insert::Quality;
 use lo_session::{Sequence, State, outputs};
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 

@@ -7,8 +7,8 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use lightoctree::mesh::{Material, Model};
 use lightoctree::{Event, OnEvent};
+use lo_mesh::{Material, Model};
 use lo_session::{Files, OpenScene, Session, SessionError, overlay};
 
 use crate::event_text::EventText;
@@ -267,7 +267,7 @@ impl SessionActor {
                     Ok(overlay) => {
                         let css = |[r, g, b]: [u8; 3]| format!("rgb({r} {g} {b})");
                         let legend = overlay.legend.into_iter().map(|(color, text)| (css(color), text)).collect();
-                        match lightoctree::imaging::encode_rgba8("overlay.png", &overlay.image, "lightoctree view") {
+                        match lo_imaging::encode_rgba8("overlay.png", &overlay.image, "lightoctree view") {
                             Ok(png) => send(outbox, &ToPage::Overlay { what, legend, lengths: [png.len()] }, &[&png]),
                             Err(error) => send(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
                         }

@@ -7,7 +7,7 @@ use axum::body::Bytes;
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
-use lightoctree::mesh::{LoadOptions, Model};
+use lo_mesh::{LoadOptions, Model};
 use lo_session::Files;
 use percent_encoding::percent_decode_str;
 
@@ -106,7 +106,7 @@ pub(crate) async fn upload(
 /// Returns name and reader of an uploaded depth model with its optional config.
 #[cfg(feature = "depth-models")]
 fn depth_model(model: NamedFile, config: Option<NamedFile>) -> (String, crate::ReadDepthModel) {
-    use lightoctree::depth_models::{DepthModel, ModelConfig, ModelError};
+    use lo_depth_models::{DepthModel, ModelConfig, ModelError};
     let name = model.name.clone();
     let read = move || {
         let NamedFile { name, bytes } = model;

@@ -5,9 +5,9 @@ use std::ops::ControlFlow;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use lightoctree::imaging;
-use lightoctree::insert::Composite;
 use lightoctree::{Event, Warning};
+use lo_imaging as imaging;
+use lo_insert::Composite;
 use lo_session::{
     ImagePatch, LitSceneCache, OpenScene, Probe, RenderStep, Renderer, SessionError, State, outputs, probe_position,
 };
@@ -182,7 +182,7 @@ impl Worker {
             }
             let begun = Instant::now();
             // Never cancelled: during a movement, no draft would ever finish.
-            match guarded(|| renderer.draft(&change.state, &mut lightoctree::events::ignore)) {
+            match guarded(|| renderer.draft(&change.state, &mut lo_events::ignore)) {
                 Ok(patch) => self.send_draft(&change, &patch, begun),
                 Err(Failure::Session(SessionError::NoObjects)) => self.send_photo(&change, begun),
                 // The refinement reports the error.

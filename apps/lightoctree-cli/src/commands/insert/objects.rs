@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
-use lightoctree::geometry::Vec3;
-use lightoctree::insert::{Align, Layout, LayoutObject, PathSource};
-use lightoctree::mesh::MaterialSpec;
+use lo_geometry::Vec3;
+use lo_insert::{Align, Layout, LayoutObject, PathSource};
+use lo_mesh::MaterialSpec;
 
 use crate::choice::{Choice, choice};
 use crate::commands::parse;

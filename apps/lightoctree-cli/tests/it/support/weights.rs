@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use lightoctree::Networks;
-use lightoctree::nets::Device;
-use lightoctree::nets::checkpoint::Precision;
-use lightoctree::nets::depth::EncoderKind;
-use lightoctree::nets::light::LightNetConfig;
+use lo_nets::Device;
+use lo_nets::checkpoint::Precision;
+use lo_nets::depth::EncoderKind;
+use lo_nets::light::LightNetConfig;
 
 /// Writes weights.safetensors of untrained networks of depth 6 that do not predict the camera.
 pub fn write_weights(folder: &Path) {

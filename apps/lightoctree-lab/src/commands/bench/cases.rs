@@ -4,15 +4,17 @@ use std::hint::black_box;
 use std::path::Path;
 
 use anyhow::Context;
-use lightoctree::cone::{Cone, ConeSample, ConeTracer, SampleGradient, Sampling, Settings};
-use lightoctree::geometry::{Camera, Cube, Vec3, pixel_direction};
-use lightoctree::imaging::{Image, Photo};
-use lightoctree::insert::{Align, Inserter, Instance, Lighting, Placement, Quality};
-use lightoctree::octree::{self, LightOctree, Provenance, RadiancePoint};
-use lightoctree::scene::Frame;
-use lightoctree::{Estimator, Input, LitScene, events};
+use lightoctree::{Estimator, Input, LitScene};
 use lightoctree_cli::commands::demo;
 use lightoctree_cli::progress::Stages;
+use lo_cone::{Cone, ConeSample, ConeTracer, SampleGradient, Sampling, Settings};
+use lo_events as events;
+use lo_geometry::{Camera, Cube, Vec3, pixel_direction};
+use lo_imaging::{Image, Photo};
+use lo_insert::{Align, Inserter, Instance, Lighting, Placement, Quality};
+use lo_octree as octree;
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
+use lo_scene::Frame;
 use lo_train::peer_cases::{self, Work};
 
 use super::input::{self, load};

@@ -2,10 +2,11 @@
 
 use std::sync::{Arc, LazyLock};
 
-use lightoctree::geometry::Quat;
-use lightoctree::imaging::{Image, Photo, RadianceImage};
-use lightoctree::scene::{Completion, EstimateOrigin, ExpectedLight, Frame, LightChange};
-use lightoctree::{Document, Estimate, GuessedLight, LightEffect, LightMode, LightPurpose, LightTuning, LitScene};
+use lightoctree::{Document, Estimate, GuessedLight, LightMode, LightPurpose, LightTuning, LitScene};
+use lo_geometry::Quat;
+use lo_imaging::{Image, Photo, RadianceImage};
+use lo_scene::LightEffect;
+use lo_scene::{Completion, EstimateOrigin, ExpectedLight, Frame, LightChange};
 use lo_session::{Command, LitSceneCache, OpenScene, Session, SessionError, insert_argv, insert_command, outputs};
 
 use crate::session::{ROOM, SIZE, add};
@@ -126,7 +127,7 @@ fn invalid_choices_are_refused_and_change_nothing() {
         refused(&mut guessed, Command::Warmth { ev }, "the warmth must be from -4 to 4 stops");
     }
     for (u, v) in [(-0.5, 3.0), (SIZE.0 as f64, 3.0), (3.0, SIZE.1 as f64), (f64::NAN, 3.0), (3.0, f64::INFINITY)] {
-        refused(&mut guessed, white(u, v), "outside of the");
+        refused(&mut guessed, white(u, v), "outside the");
     }
     refused(&mut guessed, white(2.5, 2.5), "black at (2.5, 2.5)");
     refused(&mut guessed, white(141.5, 2.5), "clipped at (141.5, 2.5)");

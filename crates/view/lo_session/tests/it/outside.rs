@@ -4,11 +4,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use lightoctree::Estimate;
-use lightoctree::export::RoomFaces;
-use lightoctree::geometry::{Camera, Cube, Vec3};
-use lightoctree::imaging::{Image, Photo, srgb8_from_linear};
-use lightoctree::octree::{LightOctree, key_from_xyz};
-use lightoctree::scene::{Frame, LightChange};
+use lo_export::RoomFaces;
+use lo_geometry::{Camera, Cube, Vec3};
+use lo_imaging::{Image, Photo, srgb8_from_linear};
+use lo_octree::{LightOctree, key_from_xyz};
+use lo_scene::{Frame, LightChange};
 use lo_session::{
     Command, LitSceneCache, ObjectPosition, ObjectSize, OpenScene, OutsideRenderer, OutsideView, Overlay, Session,
     SessionError, State, overlay,

@@ -2,13 +2,14 @@
 
 use std::sync::{Arc, LazyLock};
 
-use lightoctree::geometry::{Camera, Plane, Ray, Vec3};
-use lightoctree::imaging::{DepthMap, Image, Photo};
-use lightoctree::insert::{Align, Interpolation, Quality};
-use lightoctree::mesh::{LoadOptions, Model};
-use lightoctree::scene::{Completion, Frame, LightChange, SceneFile, SceneObjects};
-use lightoctree::{Document, EstimateOptions, Estimator, Input, LightMode, LightPurpose, events};
+use lightoctree::{Document, EstimateOptions, Estimator, Input, LightMode, LightPurpose};
+use lo_events as events;
+use lo_geometry::{Camera, Plane, Ray, Vec3};
+use lo_imaging::{DepthMap, Image, Photo};
+use lo_insert::{Align, Interpolation, Quality};
+use lo_mesh::{LoadOptions, Model};
 use lo_random::{RngExt, Stream};
+use lo_scene::{Completion, Frame, LightChange, SceneFile, SceneObjects};
 use lo_session::{
     Command, Files, LitSceneCache, NewLight, ObjectMaterial, ObjectPosition, ObjectSize, OpenScene, Overlay, Probe,
     RenderStep, Renderer, Sequence, Session, SessionError, State, insert_argv, outputs, overlay, probe_position,
@@ -274,7 +275,7 @@ fn probes_and_overlays_show_the_room() {
     let bright = pictures.panorama.pixels().iter().filter(|rgb| rgb[1] > 40).count();
     assert!(bright > 1000, "{bright} of 2048 pixels are lit");
     let exr = Probe::exr(&scenes, session.state(), at, 32).unwrap();
-    let panorama = lightoctree::imaging::radiance_from_bytes(&exr, "light.exr").unwrap();
+    let panorama = lo_imaging::radiance_from_bytes(&exr, "light.exr").unwrap();
     assert_eq!((panorama.width(), panorama.height()), (64, 32));
     for what in [Overlay::Depth, Overlay::Normals, Overlay::Levels, Overlay::Provenance] {
         let made = overlay(&ROOM, what).unwrap();
@@ -305,7 +306,7 @@ fn the_command_line_tells_all_objects() {
          --material '{\"preset\":\"chrome\",\"roughness\":0.3}' --floor-gloss 0.5 --quality high -o picture.png"
     );
     let layout = outputs::layout(session.state()).unwrap();
-    let read = lightoctree::insert::Layout::from_json(std::str::from_utf8(&layout).unwrap()).unwrap();
+    let read = lo_insert::Layout::from_json(std::str::from_utf8(&layout).unwrap()).unwrap();
     assert_eq!(read, session.state().layout().unwrap());
 }
 
