@@ -129,8 +129,8 @@ fn invalid_choices_are_refused_and_change_nothing() {
     for (u, v) in [(-0.5, 3.0), (SIZE.0 as f64, 3.0), (3.0, SIZE.1 as f64), (f64::NAN, 3.0), (3.0, f64::INFINITY)] {
         refused(&mut guessed, white(u, v), "outside the");
     }
-    refused(&mut guessed, white(2.5, 2.5), "black at (2.5, 2.5)");
-    refused(&mut guessed, white(141.5, 2.5), "clipped at (141.5, 2.5)");
+    refused(&mut guessed, white(2.5, 2.5), "(2.5, 2.5) is black");
+    refused(&mut guessed, white(141.5, 2.5), "(141.5, 2.5) is clipped");
     guessed.apply(&white(60.5, 80.5)).unwrap();
     refused(&mut guessed, white(2.5, 2.5), "black");
     guessed.apply(&Command::GuessedLight { light: LightMode::Expected }).unwrap();
