@@ -16,7 +16,7 @@ use lo_dataset::{
 use serde_json::{Value, json};
 
 use super::dataset::{SplitName, shard_folder};
-use crate::config;
+use crate::config::{self, ConfigArgs};
 use crate::stage_bar::StageBar;
 
 /// Options of `synth`.
@@ -48,10 +48,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     scenes_per_shard: u32,
 
-    /// Configuration of rooms, cameras and sensors: TOML with the fields of --print-config that differ from the
-    /// defaults
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
+    #[command(flatten)]
+    config: ConfigArgs,
 
     /// Folder of images for posters, screens and book covers; repeatable
     ///
@@ -62,10 +60,6 @@ pub struct Args {
     /// Octree depth to generate enough surface points for [default: octree_depth of the configuration]
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(1..=10))]
     octree_depth: Option<u32>,
-
-    /// Print the configuration with all fields, and exit
-    #[arg(long)]
-    print_config: bool,
 
     /// Write only this room, counted from 0, as glTF; --output is then a .glb file
     ///
@@ -96,7 +90,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let (Some(room), Some(path)) = (args.glb, &args.output) {
         return write_glb(global, args, config, room, path);
     }
-    let (Some(scenes), Some(folder), false) = (args.scenes, &args.output, args.print_config) else {
+    let (Some(scenes), Some(folder), false) = (args.scenes, &args.output, args.config.print_config) else {
         report::print(config::text(&config)?.trim_end());
         return Ok(());
     };
@@ -154,15 +148,12 @@ fn write_glb(global: &Global, args: &Args, config: GeneratorConfig, room: u32, p
 }
 
 fn read_config(args: &Args) -> anyhow::Result<GeneratorConfig> {
-    let mut config = match &args.config {
-        None => GeneratorConfig::default(),
-        Some(path) => config::read(path)?,
-    };
+    let mut config: GeneratorConfig = args.config.read(None)?;
     config.room.picture_folders.extend(args.pictures.iter().cloned());
     if let Some(depth) = args.octree_depth {
         config.octree_depth = depth;
     }
-    config.validate().map_err(|error| match &args.config {
+    config.validate().map_err(|error| match &args.config.config {
         Some(path) => Usage(format!("{}: {error}", path.display())),
         None => Usage(error.to_string()),
     })?;

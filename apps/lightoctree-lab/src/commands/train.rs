@@ -12,12 +12,13 @@ use lightoctree_cli::{interrupt, output, report};
 use lo_events::{Event, Figure, Stage};
 use lo_train::{CHECKPOINT_FILE, InitialWeights, TrainConfig, TrainError, TrainRequest};
 
-use crate::config;
+use crate::config::{self, ConfigArgs};
 
 /// Options of `train`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
     lightoctree-lab train --config configs/recipe.toml --data rooms -o run\n  \
+    lightoctree-lab train --set light.0.steps=500 --data rooms -o run\n  \
     lightoctree-lab train --resume -o run\n  \
     lightoctree-lab train --print-config > mine.toml\n  \
     lightoctree estimate photo.jpg --completion network --weights run/weights.safetensors -o room.scene\n\n\
@@ -30,9 +31,8 @@ use crate::config;
     Ctrl-C writes a checkpoint and stops. If the process is killed, the steps since the last checkpoint are lost; \
     --resume computes the same weights again.")]
 pub struct Args {
-    /// Configuration of data, networks and phases: TOML with the fields of --print-config that differ from the defaults
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
+    #[command(flatten)]
+    config: ConfigArgs,
 
     /// Dataset folder; overrides data.folder of the configuration
     #[arg(long, value_name = "DIR")]
@@ -54,10 +54,6 @@ pub struct Args {
     #[arg(long)]
     resume: bool,
 
-    /// Print the configuration with all fields, and exit
-    #[arg(long)]
-    print_config: bool,
-
     /// Output folder of the run
     #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
     output: Option<PathBuf>,
@@ -76,7 +72,7 @@ const CONFIG: &str = "config.toml";
 
 /// Trains until all phases are complete or Ctrl-C is pressed.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    let Some(folder) = args.output.as_deref().filter(|_| !args.print_config) else {
+    let Some(folder) = args.output.as_deref().filter(|_| !args.config.print_config) else {
         report::print(config::text(&read_config(args, None)?)?.trim_end());
         return Ok(());
     };
@@ -132,16 +128,15 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 
 /// Reads the configuration of `--config`, else of the run to resume, else the default.
 fn read_config(args: &Args, run: Option<&Path>) -> anyhow::Result<TrainConfig> {
-    let path = args.config.clone().or_else(|| run.map(|folder| folder.join(CONFIG)));
-    let mut config: TrainConfig =
-        path.as_ref().map_or_else(|| Ok(TrainConfig::default()), |path| config::read(path))?;
+    let of_run = run.map(|folder| folder.join(CONFIG));
+    let mut config: TrainConfig = args.config.read(of_run.as_deref())?;
     if let Some(data) = &args.data {
         config.data.folder = Some(data.clone());
     }
     if args.depth_weights.is_some() {
         config.depth.clear();
     }
-    config.validate().map_err(|error| match &path {
+    config.validate().map_err(|error| match args.config.config.as_ref().or(of_run.as_ref()) {
         Some(path) => Usage(format!("{}: {error}", path.display())),
         None => Usage(error.to_string()),
     })?;

@@ -122,6 +122,10 @@ fn configurations_are_printed_and_checked() {
     assert!(config.contains("[[light]]") && config.contains("folder = \"rooms\""), "{config}");
     std::fs::write(at.join("all.toml"), &config).unwrap();
     assert_eq!(done(at, &["train", "--print-config", "--config", "all.toml"]), config);
+    let set = done(at, &["train", "--print-config", "--config", "all.toml", "--set", "light.0.steps=7"]);
+    assert!(set.contains("steps = 7\n") && !config.contains("steps = 7\n"), "{set}");
+    let message = refused(at, 2, &["train", "--print-config", "--set", "light.0.stops=7"]);
+    assert!(message.starts_with("error: --set light.0.stops=7: unknown field `stops`"), "{message}");
     std::fs::write(at.join("bad.toml"), "[[light]]\nsensor_share = 2.0").unwrap();
     let message = refused(at, 2, &["train", "--config", "bad.toml", "-o", "run"]);
     assert_eq!(message, "error: bad.toml: light: sensor_share is 2; it must be between 0 and 1\n");
