@@ -113,18 +113,19 @@ pub use events::{Cancelled, Event, OnEvent, Stage, Warning};
 ///
 /// ```no_run
 /// use std::ops::ControlFlow;
-/// use lightoctree::{Document, EstimateOptions, Estimator, Event, Input, imaging};
+/// use std::time::{Duration, Instant};
+/// use lightoctree::{EstimateOptions, Estimator, Event, Input, imaging};
 ///
 /// let photo = imaging::read_photo("room.jpg")?;
 /// let estimator = Estimator::shipped()?;
 /// let (camera, _source) = estimator.camera_of(&photo)?;
-/// let deadline = std::time::Instant::now() + std::time::Duration::from_secs(5);
+/// let deadline = Instant::now() + Duration::from_secs(5);
 /// let mut on_event = |event: Event| {
 ///     if let Event::Warning(warning) = &event {
 ///         eprintln!("{warning:?}");
 ///     }
 ///     // Cancels the estimate, which then returns `EstimateError::Cancelled`.
-///     if std::time::Instant::now() > deadline { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+///     if Instant::now() > deadline { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 /// };
 /// let input = Input::Photo { photo: photo.photo, camera };
 /// let estimate = estimator.estimate(input, &EstimateOptions::default(), &mut on_event)?;

@@ -6,8 +6,8 @@ use anyhow::Context;
 use lightoctree::{Exposures, Input};
 use lo_geometry::{Camera, Vec3};
 use lo_imaging as imaging;
-use lo_imaging::mirror_ball::stops_from_exif;
 use lo_imaging::{PhotoExposure, PhotoFile};
+use lo_mirror_ball::stops_from_exif;
 use lo_scene::poses::PhotoPoses;
 use lo_scene::{Frame, PosedFrame};
 

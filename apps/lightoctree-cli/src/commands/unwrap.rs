@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use lo_geometry::{Camera, Orientation};
 use lo_imaging as imaging;
-use lo_imaging::mirror_ball::{
-    self, BallCircle, BallDetection, BallError, BallLens, BallView, UnwrapOptions, UnwrappedBall,
-};
 use lo_imaging::{Image, Photo, PhotoFile};
+use lo_mirror_ball::{self, BallCircle, BallDetection, BallError, BallLens, BallView, UnwrapOptions, UnwrappedBall};
 use serde_json::json;
 
 use super::environment::{self, PanoramaFileArgs};
@@ -116,7 +114,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let photos: Vec<Photo> = files.into_iter().map(|file| file.photo).collect();
     let with_names = |error| with_photo_names(args, error);
     let (stops, source) = stops(args, &photos, &shots).map_err(with_names)?;
-    let merged = stages.stage("merge", || mirror_ball::merge_exposures(&photos, &stops)).map_err(with_names)?;
+    let merged = stages.stage("merge", || lo_mirror_ball::merge_exposures(&photos, &stops)).map_err(with_names)?;
     if photos.len() > 1 {
         report_exposures(args, &photos, &stops, source, &mut stages).map_err(with_names)?;
     }
@@ -128,7 +126,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             (view.map_err(|error| Usage(format!("--circle: {error}")))?, None)
         }
         None => {
-            let found = stages.stage("find ball", || mirror_ball::find_ball(&merged.radiance, lens))?;
+            let found = stages.stage("find ball", || lo_mirror_ball::find_ball(&merged.radiance, lens))?;
             let found = confident_detection(args, found)?;
             (found.view, Some(found.confidence))
         }
@@ -142,7 +140,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         cut_out_camera_rad: args.cut_out_camera_deg.to_radians(),
     };
     let unwrapped = stages
-        .stage("unwrap", || mirror_ball::unwrap_ball(&merged, &view, &options))
+        .stage("unwrap", || lo_mirror_ball::unwrap_ball(&merged, &view, &options))
         .map_err(|error| Usage(error.to_string()))?;
     report_gaps(&unwrapped, &stages);
     stages.stage("write", || write(args, &unwrapped))?;
@@ -218,9 +216,9 @@ fn stops(
     if !args.exposures.is_empty() {
         return Ok((args.exposures.iter().map(|stop| stop - args.exposures[0]).collect(), "--exposures"));
     }
-    match mirror_ball::stops_from_exif(shots) {
+    match lo_mirror_ball::stops_from_exif(shots) {
         Some(stops) => Ok((stops, "EXIF")),
-        None => Ok((mirror_ball::estimate_stops(photos)?, ESTIMATED)),
+        None => Ok((lo_mirror_ball::estimate_stops(photos)?, ESTIMATED)),
     }
 }
 
@@ -275,7 +273,7 @@ fn report_exposures(
         }
     }
     if source != ESTIMATED
-        && let Ok(measured) = mirror_ball::estimate_stops(photos)
+        && let Ok(measured) = lo_mirror_ball::estimate_stops(photos)
     {
         let worst =
             (0..stops.len()).max_by(|&a, &b| (measured[a] - stops[a]).abs().total_cmp(&(measured[b] - stops[b]).abs()));
@@ -288,7 +286,7 @@ fn report_exposures(
             ));
         }
     }
-    let apart = stages.stage("compare photos", || mirror_ball::misalignment_px(photos, stops))?;
+    let apart = stages.stage("compare photos", || lo_mirror_ball::misalignment_px(photos, stops))?;
     for (photo, pixels) in apart.into_iter().enumerate() {
         match pixels {
             Some(pixels) if pixels > MISALIGNED_PX => stages.note(&format!(

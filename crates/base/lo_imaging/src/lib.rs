@@ -18,7 +18,6 @@ mod format;
 mod generator;
 mod image;
 mod main_light;
-pub mod mirror_ball;
 mod npy;
 mod perspective;
 mod pfm;
@@ -50,7 +49,9 @@ pub use exr_write::{ChannelGroup, EnvironmentLayout, ExrOptions};
 pub use format::Format;
 pub use generator::GENERATOR;
 pub use main_light::{MainLight, main_light};
-pub use perspective::{equirectangular_from_perspective, perspective_from_equirectangular, view_rotation};
+pub use perspective::{
+    equirectangular_from_perspective, perspective_from_equirectangular, sample_clamped, view_rotation,
+};
 pub use photo::Photo;
 pub use read::{
     PhotoFile, depth_from_bytes, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth,

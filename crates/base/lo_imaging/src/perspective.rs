@@ -87,7 +87,7 @@ pub fn equirectangular_from_perspective(
 }
 
 /// Samples bilinearly at `(x, y)` in pixels (centres at +0.5); clamps to the border.
-pub(crate) fn sample_clamped(image: &RadianceImage, x: f32, y: f32) -> [f32; 3] {
+pub fn sample_clamped(image: &RadianceImage, x: f32, y: f32) -> [f32; 3] {
     let axis = |position: f32, count: usize| {
         let position = (position - 0.5).clamp(0.0, (count - 1) as f32);
         let first = position as usize;

@@ -337,10 +337,17 @@ impl Windows {
             return Ok(size.div_ceil(stride));
         }
         let reach = times(kernel.checked_sub(1).ok_or("the kernel is empty")?, self.dilations[axis])? + 1;
-        let pads = if self.auto_pad == "VALID" { 0 } else { self.pads[axis].saturating_add(self.pads[axis + axes]) };
-        let free = size.saturating_add(pads).checked_sub(reach);
-        let free = free.ok_or_else(|| format!("the kernel is larger than the input of {size}"))?;
-        Ok(if ceil { free.div_ceil(stride) } else { free / stride } + 1)
+        let [start, end] = if self.auto_pad == "VALID" { [0; 2] } else { [self.pads[axis], self.pads[axis + axes]] };
+        let padded = size.saturating_add(start).saturating_add(end);
+        let count = match padded.checked_sub(reach) {
+            Some(free) => (if ceil { free.div_ceil(stride) } else { free / stride }) + 1,
+            // A single window that is cut off at the end.
+            None if ceil && reach - padded < stride => 1,
+            None => return Err(format!("the kernel is larger than the input of {size}")),
+        };
+        // No window lies entirely in the padding at the end (github.com/onnx/onnx/issues/5711).
+        let is_outside = ceil && times(count - 1, stride)? >= size.saturating_add(start);
+        Ok(count - usize::from(is_outside))
     }
 }
 
@@ -514,4 +521,33 @@ fn reduced(x: &Inputs<'_>, axes: Option<Vec<i64>>) -> Result<Vec<usize>, String>
         false => Some(dims[axis]),
     };
     Ok((0..dims.len()).filter_map(size).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    /// Counted by hand: in ceil mode a window may be cut off at the end, but starts in the input or in the padding
+    /// before it, as documented for PyTorch's `nn.MaxPool1d`.
+    #[test]
+    fn windows_of_pooling_are_counted() {
+        let count = |size, kernel, stride, padding, ceil| {
+            let windows = Windows {
+                strides: vec![stride],
+                dilations: vec![1],
+                pads: vec![padding; 2],
+                auto_pad: "NOTSET".into(),
+            };
+            windows.positions(0, size, kernel, ceil)
+        };
+        for (size, kernel, stride, padding, floor, ceil) in
+            [(5, 2, 2, 0, 2, 3), (4, 2, 3, 1, 2, 2), (6, 3, 2, 1, 3, 4), (7, 2, 5, 1, 2, 2), (8, 3, 4, 1, 2, 3)]
+        {
+            let counts = [false, true].map(|mode| count(size, kernel, stride, padding, mode).unwrap());
+            assert_eq!(counts, [floor, ceil], "{size} {kernel} {stride} {padding}");
+        }
+        assert!(count(1, 2, 2, 0, false).is_err());
+        assert!(count(1, 4, 2, 0, true).is_err());
+    }
 }

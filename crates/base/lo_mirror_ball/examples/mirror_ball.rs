@@ -1,18 +1,18 @@
 //! Renders a bracket of photos of a mirror ball in a real panorama and unwraps it: the image of `docs/gallery.md`.
 //!
-//! `cargo run -p lo_imaging --example mirror_ball -- panorama.hdr picture.jpg [folder for the photos]`
+//! `cargo run -p lo_mirror_ball --example mirror_ball -- panorama.hdr picture.jpg [folder for the photos]`
 
-#[path = "../tests/it/mirror_ball/render.rs"]
+#[path = "../tests/it/render.rs"]
 mod render;
 
 use std::error::Error;
 use std::path::Path;
 
-use lo_imaging::mirror_ball::{BallLens, UnwrapOptions, estimate_stops, find_ball, merge_exposures, unwrap_ball};
 use lo_imaging::{
     GENERATOR, JPEG_QUALITY, Photo, ToneCurve, contact_sheet, photo_tile, read_radiance, resize_equirectangular,
     write_srgb8,
 };
+use lo_mirror_ball::{BallLens, UnwrapOptions, estimate_stops, find_ball, merge_exposures, unwrap_ball};
 use render::{BallScene, expose, map_radiance};
 
 fn main() -> Result<(), Box<dyn Error>> {

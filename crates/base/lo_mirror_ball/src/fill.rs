@@ -1,4 +1,4 @@
-use crate::{Image, RadianceImage};
+use lo_imaging::{Image, RadianceImage};
 
 /// Fills pixels without data (`observed` is 0) smoothly from their surroundings, across the seam (push–pull).
 ///

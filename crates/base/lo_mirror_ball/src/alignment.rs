@@ -1,6 +1,6 @@
 use super::BallError;
 use super::exposures::{BracketPhoto, same_size};
-use crate::{Image, Photo};
+use lo_imaging::{Image, Photo};
 
 /// Largest longer side, in pixels, at which photos are compared.
 const COMPARED_SIDE: usize = 1024;
@@ -100,11 +100,11 @@ fn difference(a: &LogImage, b: &LogImage, [dx, dy]: [i64; 2]) -> Option<f64> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::{RadianceImage, resize, srgb8_from_linear};
+    use lo_imaging::{RadianceImage, resize, srgb8_from_linear};
 
     #[test]
     fn shifts_of_a_real_photo_are_found_at_other_exposures() {
-        let photo = crate::read_radiance(lo_testdata::asset("library_color.jpg")).unwrap();
+        let photo = lo_imaging::read_radiance(lo_testdata::asset("library_color.jpg")).unwrap();
         let photo = resize(&photo, 480, 360);
         let shot = |dx: usize, dy: usize, gain: f32| {
             let cut = RadianceImage::from_fn(400, 300, |x, y| photo[(x + 30 + dx, y + 30 + dy)]);

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::BallCircle;
 use super::view::turns;
-use crate::{Image, resize};
+use lo_imaging::{Image, resize};
 
 /// Longer side of the image in which circles are detected, in pixels.
 pub(super) const DETECTION_SIDE: usize = 480;

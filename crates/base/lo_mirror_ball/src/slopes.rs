@@ -2,7 +2,7 @@
 
 use super::BallView;
 use super::view::turns;
-use crate::Image;
+use lo_imaging::Image;
 
 /// Number of lines across the outline.
 const LINES: usize = 720;

@@ -3,11 +3,11 @@
 mod render;
 
 use lo_geometry::{DVec3, pixel_direction, pixel_solid_angle_sr};
-use lo_imaging::mirror_ball::{
+use lo_imaging::{Photo, RadianceImage, read_radiance, resize, resize_equirectangular, srgb_from_linear};
+use lo_mirror_ball::{
     BallCircle, BallDetection, BallError, BallLens, BallView, MergedPhotos, UnwrapOptions, UnwrappedBall,
     estimate_stops, find_ball, merge_exposures, unwrap_ball,
 };
-use lo_imaging::{Photo, RadianceImage, read_radiance, resize, resize_equirectangular, srgb_from_linear};
 use render::{BallScene, expose, map_radiance};
 
 const PINHOLE: BallScene =

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::circles::{CircleDetector, DETECTION_SIDE, distinct};
 use super::slopes::{Slopes, distance};
 use super::{BallCircle, BallError, BallLens, BallView};
-use crate::{Image, RadianceImage, luminance};
+use lo_imaging::{Image, RadianceImage, luminance};
 
 /// The best detected outline.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 use rayon::prelude::*;
 
 use super::BallError;
-use crate::exif::PhotoExposure;
-use crate::{Image, Photo, RadianceImage, linear_from_srgb8, srgb_from_linear};
+use lo_imaging::PhotoExposure;
+use lo_imaging::{Image, Photo, RadianceImage, linear_from_srgb8, srgb_from_linear};
 
 /// An HDR image merged from a bracket of photos.
 #[derive(Clone, Debug, PartialEq)]
@@ -229,7 +229,7 @@ fn check_finite(index: usize, photo: &Photo) -> Result<(), BallError> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::srgb8_from_linear;
+    use lo_imaging::srgb8_from_linear;
 
     /// A step wedge: radiance from 0.001 to 100 by column, coloured.
     fn wedge() -> RadianceImage {
@@ -257,7 +257,7 @@ mod tests {
             // the shortest exposure clips at 2^6 × (250 / 255)^2.2 of the first photo's white
             assert_eq!(
                 merged.clipped[(x, 3)],
-                truth[0] * 2f32.powi(-6) >= crate::linear_from_srgb(CLIPPED - 0.5 / 255.0),
+                truth[0] * 2f32.powi(-6) >= lo_imaging::linear_from_srgb(CLIPPED - 0.5 / 255.0),
                 "{x}"
             );
             if !merged.clipped[(x, 3)] && truth[2] > 0.01 {
