@@ -250,7 +250,7 @@ fn invalid_circles_and_sizes_never_panic() {
 
 /// Prints confidence and accuracy with and without a ball: the basis of [`BallDetection::MIN_CONFIDENCE`].
 #[test]
-#[ignore = "surveys data beside the checkout: cargo test -p lo_imaging --test it survey -- --ignored --nocapture"]
+#[ignore = "surveys data beside the checkout: cargo test -p lo_mirror_ball --test it survey -- --ignored --nocapture"]
 fn survey() {
     let Some(folder) = lo_testdata::shared_data("hdr", "finding the ball in other rooms") else { return };
     let mut panoramas: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
