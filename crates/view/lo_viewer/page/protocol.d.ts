@@ -11,27 +11,27 @@ export type Align = "gravity" | "surface" | "none";
  *
  * Lengths are in pixels of an image of `width` × `height`. Pixel centres are at +0.5; `u` points right and `v` down.
  */
-export type Camera = { 
+export type Camera = {
 /**
  * Horizontal focal length in pixels.
  */
-fx: number, 
+fx: number,
 /**
  * Vertical focal length in pixels.
  */
-fy: number, 
+fy: number,
 /**
  * Horizontal coordinate of the principal point in pixels.
  */
-cx: number, 
+cx: number,
 /**
  * Vertical coordinate of the principal point in pixels.
  */
-cy: number, 
+cy: number,
 /**
  * Image width in pixels.
  */
-width: number, 
+width: number,
 /**
  * Image height in pixels.
  */
@@ -40,167 +40,167 @@ height: number, };
 /**
  * One edit of a session.
  */
-export type Command = { "do": "add", 
+export type Command = { "do": "add",
 /**
  * Name of the mesh.
  */
-mesh: string, 
+mesh: string,
 /**
  * Photo position; `None` chooses a free surface.
  */
-pixel?: [number, number] | null, 
+pixel?: [number, number] | null,
 /**
  * Replaces the mesh's own materials.
  */
-material?: ObjectMaterial | null, } | { "do": "duplicate", 
+material?: ObjectMaterial | null, } | { "do": "duplicate",
 /**
  * Id of the object.
  */
-object: number, } | { "do": "delete", 
+object: number, } | { "do": "delete",
 /**
  * Id of the object.
  */
-object: number, } | { "do": "rename", 
+object: number, } | { "do": "rename",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * The new name.
  */
-name: string, } | { "do": "place", 
+name: string, } | { "do": "place",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * The new position.
  */
-place: ObjectPosition, } | { "do": "drag", 
+place: ObjectPosition, } | { "do": "drag",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * Photo position, pixels.
  */
-to: [number, number], } | { "do": "size", 
+to: [number, number], } | { "do": "size",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * The new size.
  */
-size: ObjectSize, } | { "do": "turn", 
+size: ObjectSize, } | { "do": "turn",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * The new rotation, degrees.
  */
-yaw_deg: number, } | { "do": "align", 
+yaw_deg: number, } | { "do": "align",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * The new alignment.
  */
-align: Align, } | { "do": "material", 
+align: Align, } | { "do": "material",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * The material; `None` restores the mesh's own.
  */
-material: ObjectMaterial | null, } | { "do": "set-key", 
+material: ObjectMaterial | null, } | { "do": "set-key",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * Time of the keyframe, seconds.
  */
-time_s: number, } | { "do": "move-key", 
+time_s: number, } | { "do": "move-key",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * Current time of the keyframe, seconds.
  */
-from_s: number, 
+from_s: number,
 /**
  * New time of the keyframe, seconds.
  */
-to_s: number, } | { "do": "delete-key", 
+to_s: number, } | { "do": "delete-key",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * Time of the keyframe, seconds.
  */
-time_s: number, } | { "do": "interpolate", 
+time_s: number, } | { "do": "interpolate",
 /**
  * Id of the object.
  */
-object: number, 
+object: number,
 /**
  * The new interpolation.
  */
-interpolation: Interpolation, } | { "do": "frames", 
+interpolation: Interpolation, } | { "do": "frames",
 /**
  * Number of frames; `None` follows from the keyframes and `fps`.
  */
-frames?: number | null, 
+frames?: number | null,
 /**
  * Frames per second.
  */
-fps: number, } | { "do": "floor-gloss", 
+fps: number, } | { "do": "floor-gloss",
 /**
  * From 0 to 1.
  */
-gloss: number, } | { "do": "guessed-light", 
+gloss: number, } | { "do": "guessed-light",
 /**
  * The light.
  */
-light: LightMode, } | { "do": "contrast", 
+light: LightMode, } | { "do": "contrast",
 /**
  * Factor on the contrast of similar rooms in stops, 0 to 3.
  */
-factor: number, } | { "do": "warmth", 
+factor: number, } | { "do": "warmth",
 /**
  * Stops by which the light is redder than estimated, −4 to 4.
  */
-ev: number, } | { "do": "white", 
+ev: number, } | { "do": "white",
 /**
  * Position of the pixel; `None` clears it.
  */
-pixel?: [number, number] | null, } | { "do": "set-light", 
+pixel?: [number, number] | null, } | { "do": "set-light",
 /**
  * Id of the light.
  */
-light: string, 
+light: string,
 /**
  * The edit.
  */
-change: LightChange, } | { "do": "add-light", 
+change: LightChange, } | { "do": "add-light",
 /**
  * The new light.
  */
-new: NewLight, } | { "do": "replace-light", 
+new: NewLight, } | { "do": "replace-light",
 /**
  * Id of the light.
  */
-light: string, 
+light: string,
 /**
  * The new light.
  */
-new: NewLight, } | { "do": "remove-light", 
+new: NewLight, } | { "do": "remove-light",
 /**
  * Id of the light.
  */
@@ -209,47 +209,47 @@ light: string, } | { "do": "reset-lights" };
 /**
  * A message from the page.
  */
-export type FromPage = { "type": "command", 
+export type FromPage = { "type": "command",
 /**
  * The command.
  */
-command: Command, } | { "type": "preview", 
+command: Command, } | { "type": "preview",
 /**
  * The command.
  */
-command: Command, 
+command: Command,
 /**
  * Number of the message; images refer to it.
  */
-sequence: number, } | { "type": "commit" } | { "type": "cancel" } | { "type": "undo" } | { "type": "redo" } | { "type": "seek", 
+sequence: number, } | { "type": "commit" } | { "type": "cancel" } | { "type": "undo" } | { "type": "redo" } | { "type": "seek",
 /**
  * The time, seconds.
  */
-time_s: number, 
+time_s: number,
 /**
  * Number of the message; images refer to it.
  */
-sequence: number, } | { "type": "stop-film" } | { "type": "probe", 
+sequence: number, } | { "type": "stop-film" } | { "type": "probe",
 /**
  * Photo position of the surface below the point.
  */
-pixel: [number, number], 
+pixel: [number, number],
 /**
  * Distance from the surface, metres.
  */
-lift_m: number, 
+lift_m: number,
 /**
  * Exposure of the images, stops.
  */
-exposure_ev: number, } | { "type": "overlay", 
+exposure_ev: number, } | { "type": "overlay",
 /**
  * The overlay.
  */
-what: Overlay, } | { "type": "outside", 
+what: Overlay, } | { "type": "outside",
 /**
  * Number of the request; the image refers to it.
  */
-sequence: number, 
+sequence: number,
 /**
  * The view.
  */
@@ -258,23 +258,23 @@ view: OutsideView, } | { "type": "stop" } | { "type": "close" };
 /**
  * Choice of light for unobserved regions.
  */
-export type GuessedLightView = { 
+export type GuessedLightView = {
 /**
  * Effect of other choices.
  */
-effect: LightEffect, 
+effect: LightEffect,
 /**
  * The light.
  */
-light: LightMode, 
+light: LightMode,
 /**
  * Factor on the contrast of plausible light, in stops; 1 is typical of such a room.
  */
-contrast: number, 
+contrast: number,
 /**
  * Stops by which red exceeds blue more than estimated, or than `white` gives; luminance is kept.
  */
-warmth_ev: number, 
+warmth_ev: number,
 /**
  * Photo pixel that shows something white: inferred light gets the colour that white has there.
  */
@@ -288,19 +288,19 @@ export type Interpolation = "linear" | "catmull-rom";
 /**
  * Position and yaw at one time.
  */
-export type Keyframe = { 
+export type Keyframe = {
 /**
  * Time in seconds.
  */
-time_s: number, 
+time_s: number,
 /**
  * World position of the object's base in metres; alternative to `pixel`.
  */
-position_m?: [number, number, number], 
+position_m?: [number, number, number],
 /**
  * Photo position whose surface the object rests on; alternative to `position_m`.
  */
-pixel?: [number, number], 
+pixel?: [number, number],
 /**
  * Rotation about the up axis in degrees; not wrapped, so 0 → 720 is two turns.
  */
@@ -309,19 +309,19 @@ yaw_deg: number, };
 /**
  * Change of a light; by default none.
  */
-export type LightChange = { 
+export type LightChange = {
 /**
  * Whether it is on.
  */
-on?: boolean, 
+on?: boolean,
 /**
  * Gain of its radiance, from 0 to [`MAX_LIGHT_SCALE`].
  */
-scale?: number, 
+scale?: number,
 /**
  * New colour; luminance is kept.
  */
-color?: LightColor, 
+color?: LightColor,
 /**
  * New centre, metres; ignored for suns.
  */
@@ -355,71 +355,71 @@ export type LightOrigin = "seen" | "panorama" | "guessed" | "added";
 /**
  * One light.
  */
-export type LightView = { 
+export type LightView = {
 /**
  * Edits of the light.
  */
-changed: LightChange, 
+changed: LightChange,
 /**
  * Direction of a sun: degrees to the right of the camera's axis, and above the horizon.
  */
-sun_deg: [number, number] | null, 
+sun_deg: [number, number] | null,
 /**
  * Name of the light.
  */
-id: string, 
+id: string,
 /**
  * LightKind of light.
  */
-kind: LightKind, 
+kind: LightKind,
 /**
  * Source of the light.
  */
-origin: LightOrigin, 
+origin: LightOrigin,
 /**
  * Centre, in metres in the photo's frame; absent for a sun.
  */
-position_m?: [number, number, number], 
+position_m?: [number, number, number],
 /**
  * Unit direction of emission; for a sun, the direction towards it. Absent for lights that shine in all directions.
  */
-direction?: [number, number, number], 
+direction?: [number, number, number],
 /**
  * Width and height of a rectangle, in metres.
  */
-size_m?: [number, number], 
+size_m?: [number, number],
 /**
  * Radius of a sphere, in metres.
  */
-radius_m?: number, 
+radius_m?: number,
 /**
  * Angular radius of a sun, in degrees.
  */
-angular_radius_deg?: number, 
+angular_radius_deg?: number,
 /**
  * Emitting area in m²; absent for a sun.
  */
-area_m2?: number, 
+area_m2?: number,
 /**
  * Mean linear RGB radiance.
  */
-radiance: [number, number, number], 
+radiance: [number, number, number],
 /**
  * Luminance of the irradiance on a surface facing a sun; absent for other lights.
  */
-irradiance?: number, 
+irradiance?: number,
 /**
  * Correlated colour temperature, where the colour is near that of a black body.
  */
-color_temperature_k?: number, 
+color_temperature_k?: number,
 /**
  * Share of the total light emitted by surfaces; absent for added lights.
  */
-flux_share?: number, 
+flux_share?: number,
 /**
  * Confidence, from 0 to 1.
  */
-certainty?: number, 
+certainty?: number,
 /**
  * The user's edit of the light.
  */
@@ -428,39 +428,39 @@ change?: LightChange, };
 /**
  * A light to add, in user-facing units.
  */
-export type NewLight = { "sun": { 
+export type NewLight = { "sun": {
 /**
  * Degrees to the right of the camera's axis, about the vertical.
  */
-azimuth_deg: number, 
+azimuth_deg: number,
 /**
  * Degrees above the horizon.
  */
-elevation_deg: number, 
+elevation_deg: number,
 /**
  * Luminance of the irradiance on a surface facing the sun.
  */
-strength: number, 
+strength: number,
 /**
  * Angular diameter, degrees.
  */
-angle_deg: number, 
+angle_deg: number,
 /**
  * Colour temperature, kelvin.
  */
-kelvin: number, } } | { "sphere": { 
+kelvin: number, } } | { "sphere": {
 /**
  * Centre, metres.
  */
-at_m: [number, number, number], 
+at_m: [number, number, number],
 /**
  * Radius, metres.
  */
-radius_m: number, 
+radius_m: number,
 /**
  * Luminance of the radiance; 1 is the photo's white.
  */
-radiance: number, 
+radiance: number,
 /**
  * Colour temperature, kelvin.
  */
@@ -471,19 +471,19 @@ kelvin: number, } };
  *
  * References no files, because whoever edits it may lack the right to read them.
  */
-export type ObjectMaterial = { 
+export type ObjectMaterial = {
 /**
  * One of [`Material::preset_names`](lo_mesh::Material::preset_names).
  */
-preset?: string, 
+preset?: string,
 /**
  * Linear RGB in [0, 1].
  */
-base_color?: [number, number, number], 
+base_color?: [number, number, number],
 /**
  * 0 dielectric … 1 metal.
  */
-metallic?: number, 
+metallic?: number,
 /**
  * Perceptual roughness in [0, 1].
  */
@@ -502,59 +502,59 @@ export type ObjectSize = { "scale": number } | { "height": number };
 /**
  * One object.
  */
-export type ObjectView = { 
+export type ObjectView = {
 /**
  * Id.
  */
-id: number, 
+id: number,
 /**
  * Name.
  */
-name: string, 
+name: string,
 /**
  * Name of the mesh.
  */
-mesh: string, 
+mesh: string,
 /**
  * Position as entered.
  */
-place: ObjectPosition, 
+place: ObjectPosition,
 /**
  * Size as entered.
  */
-size: ObjectSize, 
+size: ObjectSize,
 /**
  * Rotation, degrees.
  */
-yaw_deg: number, 
+yaw_deg: number,
 /**
  * Keyframes, if the object is animated.
  */
-path: Path | null, 
+path: Path | null,
 /**
  * Direction that the up axis is aligned with.
  */
-align: Align, 
+align: Align,
 /**
  * Material that replaces the mesh's own.
  */
-material: ObjectMaterial | null, 
+material: ObjectMaterial | null,
 /**
  * Middle of the base, metres.
  */
-position_m: [number, number, number], 
+position_m: [number, number, number],
 /**
  * Unit vector of the up axis.
  */
-up: [number, number, number], 
+up: [number, number, number],
 /**
  * Extent along the object's axes, metres.
  */
-size_m: [number, number, number], 
+size_m: [number, number, number],
 /**
  * Metres per unit of the mesh.
  */
-scale: number, 
+scale: number,
 /**
  * Whether a surface supports it.
  */
@@ -567,35 +567,35 @@ rests: boolean, };
  * is against gravity. In its frame (x = ahead × up, y = up, z = −ahead) [`Camera::project`] applies, with a focal
  * length of `height / (2 tan(fov / 2))` pixels.
  */
-export type OutsideView = { 
+export type OutsideView = {
 /**
  * Viewpoint, metres in the photo's frame.
  */
-eye_m: [number, number, number], 
+eye_m: [number, number, number],
 /**
  * Point at the image centre, metres in the photo's frame.
  */
-target_m: [number, number, number], 
+target_m: [number, number, number],
 /**
  * Vertical field of view, degrees, 5 to 120.
  */
-fov_deg: number, 
+fov_deg: number,
 /**
  * Width, pixels, at most 1920.
  */
-width: number, 
+width: number,
 /**
  * Height, pixels, at most 1440.
  */
-height: number, 
+height: number,
 /**
  * Exposure, stops, −20 to 20.
  */
-exposure_ev: number, 
+exposure_ev: number,
 /**
  * Overlay to show instead of radiance.
  */
-show: Overlay | null, 
+show: Overlay | null,
 /**
  * Whether the view is at rest: four rays per pixel instead of one.
  */
@@ -615,11 +615,11 @@ export type Overlay = "depth" | "normals" | "levels" | "origins";
  *                {"time_s": 1, "pixel": [320, 400], "yaw_deg": 90}]}
  * ```
  */
-export type Path = { 
+export type Path = {
 /**
  * Interpolation of positions and yaw between keyframes.
  */
-interpolation: Interpolation, 
+interpolation: Interpolation,
 /**
  * Keyframes by ascending time; at least one.
  */
@@ -628,19 +628,19 @@ keyframes: Array<Keyframe>, };
 /**
  * A material preset.
  */
-export type Preset = { 
+export type Preset = {
 /**
  * Name.
  */
-name: string, 
+name: string,
 /**
  * Linear RGB base colour.
  */
-base_color: [number, number, number], 
+base_color: [number, number, number],
 /**
  * 0 dielectric … 1 metal.
  */
-metallic: number, 
+metallic: number,
 /**
  * Perceptual roughness.
  */
@@ -654,15 +654,15 @@ export type RenderStep = "moving" | "resting" | "final";
 /**
  * Approximate extent of a room.
  */
-export type RoomExtent = { 
+export type RoomExtent = {
 /**
  * Centre, metres in the photo's frame.
  */
-middle_m: [number, number, number], 
+middle_m: [number, number, number],
 /**
  * Distance from the centre to the farthest corner, metres.
  */
-radius_m: number, 
+radius_m: number,
 /**
  * Height of the floor relative to the camera, metres, negative. Without a known floor, the lowest observed height.
  */
@@ -671,39 +671,39 @@ floor_m: number, };
 /**
  * An open scene.
  */
-export type SceneInfo = { 
+export type SceneInfo = {
 /**
  * Unique number of the opened scene.
  */
-scene: number, 
+scene: number,
 /**
  * Path of the scene file on the command line.
  */
-file: string, 
+file: string,
 /**
  * Whether that file exists; otherwise the scene must be saved first.
  */
-is_saved: boolean, 
+is_saved: boolean,
 /**
  * Camera, in pixels of the photo.
  */
-camera: Camera, 
+camera: Camera,
 /**
  * Unit vector against gravity, in the camera's frame.
  */
-up: [number, number, number], 
+up: [number, number, number],
 /**
  * Approximate extent of the room.
  */
-extent: RoomExtent, 
+extent: RoomExtent,
 /**
  * Whether the depth is predicted, not measured.
  */
-predicted_depth: boolean, 
+predicted_depth: boolean,
 /**
  * Whether a panorama contributed light.
  */
-has_panorama: boolean, 
+has_panorama: boolean,
 /**
  * Warnings of opening the scene.
  */
@@ -712,43 +712,43 @@ notes: Array<string>, };
 /**
  * A session as data for a front end.
  */
-export type SessionView = { 
+export type SessionView = {
 /**
  * Objects in the photo.
  */
-objects: Array<ObjectView>, 
+objects: Array<ObjectView>,
 /**
  * Choice of light for unobserved regions.
  */
-guessed_light: GuessedLightView, 
+guessed_light: GuessedLightView,
 /**
  * Found and added lights.
  */
-lights: Array<LightView>, 
+lights: Array<LightView>,
 /**
  * Gloss of the surfaces that carry objects, 0 to 1.
  */
-floor_gloss: number, 
+floor_gloss: number,
 /**
  * Whether there is a step to undo.
  */
-can_undo: boolean, 
+can_undo: boolean,
 /**
  * Whether there is a step to redo.
  */
-can_redo: boolean, 
+can_redo: boolean,
 /**
  * Command line that renders the final image; `None` without objects.
  */
-command: string | null, 
+command: string | null,
 /**
  * Whether the scene must be saved before `command` works, because its light edits differ from the file's.
  */
-edited: boolean, 
+edited: boolean,
 /**
  * Names of the available meshes.
  */
-meshes: Array<string>, 
+meshes: Array<string>,
 /**
  * Current time, keyframe range and frames.
  */
@@ -757,23 +757,23 @@ timeline: TimelineView, };
 /**
  * Timeline of a session.
  */
-export type TimelineView = { 
+export type TimelineView = {
 /**
  * Current time, seconds.
  */
-time_s: number, 
+time_s: number,
 /**
  * Times of the first and last keyframe, seconds; `None` without keyframes.
  */
-span_s: [number, number] | null, 
+span_s: [number, number] | null,
 /**
  * Number of frames of the sequence.
  */
-frames: number, 
+frames: number,
 /**
  * Whether the user chose `frames`.
  */
-is_chosen: boolean, 
+is_chosen: boolean,
 /**
  * Frames per second.
  */
@@ -782,155 +782,155 @@ fps: number, };
 /**
  * A message from the server.
  */
-export type ToPage = { "type": "hello", 
+export type ToPage = { "type": "hello",
 /**
  * Version of the program.
  */
-version: string, 
+version: string,
 /**
  * Material presets.
  */
-materials: Array<Preset>, } | { "type": "empty", 
+materials: Array<Preset>, } | { "type": "empty",
 /**
  * Why the last scene could not be opened.
  */
-error: string | null, 
+error: string | null,
 /**
  * Whether this program can estimate photos.
  */
-can_estimate: boolean, } | { "type": "opening", 
+can_estimate: boolean, } | { "type": "opening",
 /**
  * Name of the file.
  */
-file: string, 
+file: string,
 /**
  * Current stage.
  */
-stage: string, 
+stage: string,
 /**
  * Progress of the stage, 0 to 1, if known.
  */
-done: number | null, } | { "type": "scene" } & SceneInfo | { "type": "state", 
+done: number | null, } | { "type": "scene" } & SceneInfo | { "type": "state",
 /**
  * Number of the change; images refer to it.
  */
-change: number, 
+change: number,
 /**
  * The session.
  */
-view: SessionView, } | { "type": "notes", 
+view: SessionView, } | { "type": "notes",
 /**
  * Number of the change.
  */
-change: number, 
+change: number,
 /**
  * Warnings as sentences.
  */
-notes: Array<string>, } | { "type": "progress", 
+notes: Array<string>, } | { "type": "progress",
 /**
  * Number of the change.
  */
-change: number, 
+change: number,
 /**
  * Rendering step.
  */
-step: RenderStep, 
+step: RenderStep,
 /**
  * Current stage.
  */
-stage: string, 
+stage: string,
 /**
  * Progress of the stage, 0 to 1.
  */
-done: number, } | { "type": "photo", 
+done: number, } | { "type": "photo",
 /**
  * Length of the image, bytes.
  */
-lengths: [number], } | { "type": "frame", 
+lengths: [number], } | { "type": "frame",
 /**
  * Number of the change that the image shows.
  */
-change: number, 
+change: number,
 /**
  * Number of the last preview that the image shows.
  */
-sequence: number, 
+sequence: number,
 /**
  * Rendering step.
  */
-step: RenderStep, 
+step: RenderStep,
 /**
  * `image/jpeg` or `image/png`.
  */
-mime: string, 
+mime: string,
 /**
  * Column and row on [`ToPage::Photo`] of the region's first pixel; `None` for a whole image.
  */
-at: [number, number] | null, 
+at: [number, number] | null,
 /**
  * Length of the image, bytes.
  */
-lengths: [number], 
+lengths: [number],
 /**
  * Rendering time, milliseconds.
  */
-took_ms: number, } | { "type": "probe", 
+took_ms: number, } | { "type": "probe",
 /**
  * Photo position of the request.
  */
-pixel: [number, number], 
+pixel: [number, number],
 /**
  * The point, metres.
  */
-at_m: [number, number, number], 
+at_m: [number, number, number],
 /**
  * Lengths of the images, bytes.
  */
-lengths: [number, number, number], } | { "type": "no-probe" } | { "type": "overlay", 
+lengths: [number, number, number], } | { "type": "no-probe" } | { "type": "overlay",
 /**
  * The overlay.
  */
-what: Overlay, 
+what: Overlay,
 /**
  * CSS colours and their meanings.
  */
-legend: Array<[string, string]>, 
+legend: Array<[string, string]>,
 /**
  * Length of the image, bytes.
  */
-lengths: [number], } | { "type": "outside", 
+lengths: [number], } | { "type": "outside",
 /**
  * Number of the request.
  */
-sequence: number, 
+sequence: number,
 /**
  * `image/jpeg` during a movement, `image/png` at rest.
  */
-mime: string, 
+mime: string,
 /**
  * Length of the image, bytes.
  */
-lengths: [number], 
+lengths: [number],
 /**
  * Rendering time, milliseconds.
  */
-took_ms: number, } | { "type": "film", 
+took_ms: number, } | { "type": "film",
 /**
  * Finished frames.
  */
-done: number, 
+done: number,
 /**
  * Total number of frames.
  */
-frames: number, 
+frames: number,
 /**
  * Estimated remaining time, seconds, if known.
  */
-left_s: number | null, 
+left_s: number | null,
 /**
  * Why the download ended early.
  */
-ended: string | null, } | { "type": "refused", 
+ended: string | null, } | { "type": "refused",
 /**
  * The reason.
  */
