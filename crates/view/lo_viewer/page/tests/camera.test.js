@@ -8,13 +8,15 @@ test("projection follows the pinhole formula", () => {
   assert.deepEqual(project(CAMERA, [0, 0, -1]), [320, 240]);
   // One metre to the right and up, at 4 m: 320 / 4 pixels.
   assert.deepEqual(project(CAMERA, [1, 1, -4]), [400, 160]);
+  assert.deepEqual(project({ ...CAMERA, fy: 160 }, [1, 1, -4]), [400, 200]);
   assert.equal(project(CAMERA, [0, 0, 0]), null);
   assert.equal(project(CAMERA, [1, 1, 4]), null);
 });
 
 test("a direction projects back to its pixel", () => {
+  const camera = { ...CAMERA, fy: 300, cy: 200 };
   for (const pixel of [[0, 0], [320, 240], [17.5, 401.25]]) {
-    assertNear(project(CAMERA, times(direction(CAMERA, pixel), 3)), pixel);
+    assertNear(project(camera, times(direction(camera, pixel), 3)), pixel);
   }
 });
 

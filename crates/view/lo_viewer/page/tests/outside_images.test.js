@@ -57,15 +57,25 @@ test("an image of full size follows at rest", async () => {
   assert.deepEqual(events, ["arrived", "arrived", "rested", "arrived"]);
 });
 
-test("an image that is older than the shown one is dropped", async () => {
+test("an image that decodes after a newer one is dropped", async () => {
+  const decode = globalThis.createImageBitmap;
+  let release;
+  let late;
+  globalThis.createImageBitmap = async (blob) => {
+    const bitmap = await decode(blob);
+    if (bitmap.text !== "1") return bitmap;
+    late = bitmap;
+    await new Promise((resolve) => { release = resolve; });
+    return bitmap;
+  };
   move(1);
-  await take(1);
+  const slow = take(1);
   move(2);
   await take(2);
-  const shown = images.shown;
-  await take(1);
-  assert.equal(images.shown, shown);
-  assert.equal(shown.bitmap.isClosed, false);
+  release();
+  await slow;
+  assert.equal(images.shown.sequence, 2);
+  assert.deepEqual([late.isClosed, images.shown.bitmap.isClosed], [true, false]);
 });
 
 test("an image nobody requested is dropped", async () => {
