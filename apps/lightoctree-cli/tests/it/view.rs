@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use crate::cli::{room, room_with_expected_light, room_with_scene, write_mesh};
-use crate::support::view::Viewer;
+use crate::support::view::{Page, Viewer};
 use crate::support::{done, refused};
 
 #[test]
@@ -282,17 +282,47 @@ fn two_pages_show_the_same() {
     let folder = room_with_scene();
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     let mut pages = [viewer.page(), viewer.page()];
-    pages.iter_mut().for_each(|page| drop(page.receive("the scene", |message| message["type"] == "scene")));
+    let scenes = pages.each_mut().map(|page| page.receive("the scene", |message| message["type"] == "scene").0);
+    assert_eq!(scenes[0], scenes[1]);
     pages[0].act(&json!({ "do": "add", "mesh": "builtin:sphere" }));
-    for page in &mut pages {
-        page.receive("the object", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 1));
-    }
-    // A page that connects later, as after a reload, receives the current state.
-    let mut late = viewer.page();
-    let is_there =
-        |message: &serde_json::Value| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 1);
-    late.receive("the object", is_there);
-    late.receive("its picture", |message| message["type"] == "frame");
+    let added = shown_at_rest(&mut pages, |view| view["objects"].as_array().is_some_and(|all| all.len() == 1));
+    // Each page edits what the other one added.
+    pages[1].act(&json!({ "do": "turn", "object": 1, "yaw_deg": 40 }));
+    pages[1].act(&json!({ "do": "material", "object": 1, "material": { "preset": "gold" } }));
+    let gold = shown_at_rest(&mut pages, |view| view["objects"][0]["material"]["preset"] == "gold");
+    assert_eq!(gold.state["view"]["objects"][0]["yaw_deg"], 40.0);
+    assert_ne!(gold.image, added.image);
+    // A page that connects later, as after a reload, receives the same.
+    let mut late = [viewer.page()];
+    let (scene, _) = late[0].receive("the scene", |message| message["type"] == "scene");
+    assert_eq!(scene, scenes[0]);
+    assert_eq!(shown_at_rest(&mut late, |view| !view["objects"].is_null()), gold);
+}
+
+/// What a page shows of a finished change.
+#[derive(Debug, PartialEq)]
+struct Shown {
+    /// The session.
+    state: serde_json::Value,
+    /// The message of the final image.
+    frame: serde_json::Value,
+    /// The final image.
+    image: Vec<u8>,
+}
+
+/// Waits until all pages have a wanted state and its final image. Returns them, equal on all pages.
+fn shown_at_rest(pages: &mut [Page], is_wanted: impl Fn(&serde_json::Value) -> bool) -> Shown {
+    let mut shown = pages.iter_mut().map(|page| {
+        let (state, _) = page.receive("the state", |message| message["type"] == "state" && is_wanted(&message["view"]));
+        let (frame, image) = page.receive("its final image", |message| {
+            message["type"] == "frame" && message["step"] == "final" && message["change"] == state["change"]
+        });
+        assert!(image.starts_with(b"\x89PNG"), "{frame}");
+        Shown { state, frame, image }
+    });
+    let first = shown.next().unwrap();
+    shown.for_each(|other| assert!(other == first, "{} {}, {} {}", first.state, first.frame, other.state, other.frame));
+    first
 }
 
 #[test]

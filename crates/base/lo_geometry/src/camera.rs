@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// Lengths are in pixels of an image of `width` × `height`. Pixel centres are at +0.5; `u` points right and `v` down.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct Camera {
     /// Horizontal focal length in pixels.
     pub fx: f64,

@@ -2,6 +2,7 @@ use serde::Serialize;
 
 /// Source of a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum LightOrigin {
     /// Observed in the photo.
@@ -18,6 +19,7 @@ pub enum LightOrigin {
 
 /// LightKind of light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum LightKind {
     /// A lamp.

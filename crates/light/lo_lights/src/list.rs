@@ -10,6 +10,7 @@ use crate::shape::ClusterShape;
 
 /// An entry of the list of lights, with its light before edits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS), ts(optional_fields))]
 pub struct ListedLight {
     /// Name of the light.
     pub id: String,
@@ -19,9 +20,11 @@ pub struct ListedLight {
     pub origin: LightOrigin,
     /// Centre, in metres in the photo's frame; absent for a sun.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(as = "Option<[f32; 3]>"))]
     pub position_m: Option<Vec3>,
     /// Unit direction of emission; for a sun, the direction towards it. Absent for lights that shine in all directions.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(as = "Option<[f32; 3]>"))]
     pub direction: Option<Vec3>,
     /// Width and height of a rectangle, in metres.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -12,6 +12,7 @@ pub const WARMTHS_EV: RangeInclusive<f32> = -4.0..=4.0;
 
 /// Light that a scene is rendered with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum LightMode {
     /// The likeliest radiance, as in the scene file's octree. Lamps and windows of uncertain position vanish in it.
@@ -38,6 +39,7 @@ impl LightMode {
 
 /// User's adjustments of inferred light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS), ts(optional_fields))]
 #[serde(default)]
 pub struct LightTuning {
     /// Factor on the contrast of plausible light, in stops; 1 is typical of such a room.
@@ -71,6 +73,7 @@ impl LightTuning {
 
 /// User's choice of the light that a scene is rendered with.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct GuessedLight {
     /// The light.
     pub light: LightMode,
@@ -102,6 +105,7 @@ impl GuessedLight {
 
 /// Effect of the choice of light on a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum LightEffect {
     /// None: no network completed the scene, whose shell has its own lamp, or an HDR panorama with its lamps was

@@ -73,23 +73,29 @@ pub struct AddedLight {
 
 /// Change of a light; by default none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct LightChange {
     /// Whether it is on.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    #[cfg_attr(feature = "typescript", ts(as = "Option<bool>", optional))]
     pub on: bool,
     /// Gain of its radiance, from 0 to [`MAX_LIGHT_SCALE`].
     #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[cfg_attr(feature = "typescript", ts(as = "Option<f32>", optional))]
     pub scale: f32,
     /// New colour; luminance is kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(optional))]
     pub color: Option<LightColor>,
     /// New centre, metres; ignored for suns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(as = "Option<[f32; 3]>", optional))]
     pub at_m: Option<Vec3>,
 }
 
 /// Colour of a light; its luminance is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum LightColor {
     /// Colour temperature of a black body, kelvin.

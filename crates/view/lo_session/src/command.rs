@@ -7,6 +7,7 @@ use crate::{NewLight, ObjectMaterial, ObjectPosition, ObjectSize};
 
 /// One edit of a session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Command {
     /// Adds an object on the surface seen at a pixel, or on a free surface.
@@ -15,9 +16,11 @@ pub enum Command {
         mesh: String,
         /// Photo position; `None` chooses a free surface.
         #[serde(default)]
+        #[cfg_attr(feature = "typescript", ts(optional = nullable))]
         pixel: Option<[f64; 2]>,
         /// Replaces the mesh's own materials.
         #[serde(default)]
+        #[cfg_attr(feature = "typescript", ts(optional = nullable))]
         material: Option<ObjectMaterial>,
     },
     /// Adds a copy next to an object.
@@ -113,6 +116,7 @@ pub enum Command {
     Frames {
         /// Number of frames; `None` follows from the keyframes and `fps`.
         #[serde(default)]
+        #[cfg_attr(feature = "typescript", ts(optional = nullable))]
         frames: Option<u32>,
         /// Frames per second.
         fps: u32,
@@ -141,6 +145,7 @@ pub enum Command {
     White {
         /// Position of the pixel; `None` clears it.
         #[serde(default)]
+        #[cfg_attr(feature = "typescript", ts(optional = nullable))]
         pixel: Option<[f64; 2]>,
     },
     /// Edits a listed light.

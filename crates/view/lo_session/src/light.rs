@@ -8,6 +8,7 @@ use crate::SessionError;
 
 /// A light to add, in user-facing units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum NewLight {
     /// A distant disc.

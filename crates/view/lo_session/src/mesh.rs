@@ -32,6 +32,7 @@ pub struct Mesh {
 ///
 /// References no files, because whoever edits it may lack the right to read them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS), ts(optional_fields))]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectMaterial {
     /// One of [`Material::preset_names`](lo_mesh::Material::preset_names).

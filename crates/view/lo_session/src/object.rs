@@ -12,6 +12,7 @@ const MAX_NAME: usize = 100;
 
 /// Size of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum ObjectSize {
     /// Metres per unit of the mesh.

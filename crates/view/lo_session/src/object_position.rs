@@ -2,6 +2,7 @@ use serde::{Deserialize, Serialize};
 
 /// Position of an object, as on the command line of `insert`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum ObjectPosition {
     /// Photo position on a surface; pixel centres are at +0.5.

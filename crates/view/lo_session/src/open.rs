@@ -23,6 +23,7 @@ pub struct OpenScene {
 
 /// Approximate extent of a room.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct RoomExtent {
     /// Centre, metres in the photo's frame.
     pub middle_m: [f32; 3],

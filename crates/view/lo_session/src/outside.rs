@@ -43,6 +43,7 @@ const OBJECT_AMBIENT: f32 = 0.3;
 /// is against gravity. In its frame (x = ahead × up, y = up, z = −ahead) [`Camera::project`] applies, with a focal
 /// length of `height / (2 tan(fov / 2))` pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(deny_unknown_fields)]
 pub struct OutsideView {
     /// Viewpoint, metres in the photo's frame.

@@ -13,6 +13,7 @@ const SIDE: f64 = 640.0;
 
 /// An overlay on the photo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Overlay {
     /// Depth, from red (near) to blue (far).

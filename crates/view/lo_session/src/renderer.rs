@@ -18,6 +18,7 @@ use crate::{SessionError, State};
 
 /// Progressive rendering steps of one state, in increasing quality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum RenderStep {
     /// During a movement: `draft` quality, at the largest of [`MOVING_SIDES`] that keeps up.

@@ -9,6 +9,7 @@ use crate::{ObjectMaterial, ObjectPosition, ObjectSize, Session, insert_command}
 
 /// A session as data for a front end.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct SessionView {
     /// Objects in the photo.
     pub objects: Vec<ObjectView>,
@@ -34,6 +35,7 @@ pub struct SessionView {
 
 /// Timeline of a session.
 #[derive(Clone, Copy, Debug, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct TimelineView {
     /// Current time, seconds.
     pub time_s: f64,
@@ -49,6 +51,7 @@ pub struct TimelineView {
 
 /// One object.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct ObjectView {
     /// Id.
     pub id: u32,
@@ -82,6 +85,7 @@ pub struct ObjectView {
 
 /// Choice of light for unobserved regions.
 #[derive(Clone, Copy, Debug, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct GuessedLightView {
     /// The light and its tuning.
     #[serde(flatten)]
@@ -92,6 +96,7 @@ pub struct GuessedLightView {
 
 /// One light.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct LightView {
     /// The light before edits.
     #[serde(flatten)]

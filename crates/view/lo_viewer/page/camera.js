@@ -1,36 +1,66 @@
 // Vectors and projection. The camera is at the origin and looks along −Z; +Y is up; metres.
 
+/** @import { ObjectView } from "./protocol.d.ts" */
+
+/** @typedef {[number, number]} Pixel Position in an image, pixels. */
+/** @typedef {[number, number, number]} Vector */
+/** @typedef {{ fx: number, fy: number, cx: number, cy: number }} Lens Focal lengths and principal point, pixels. */
+/** @typedef {Pick<ObjectView, "position_m" | "up" | "yaw_deg" | "size_m">} Box An object's position and extent. */
+
+/** @type {(a: Vector, b: Vector) => Vector} */
 export const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+/** @type {(a: Vector, b: Vector) => Vector} */
 export const minus = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+/** @type {(a: Vector, s: number) => Vector} */
 export const times = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
+/** @type {(a: Vector, b: Vector) => number} */
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+/** @type {(a: Vector, b: Vector) => Vector} */
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+/** @type {(a: Vector) => Vector} */
 export const unit = (a) => times(a, 1 / Math.hypot(...a));
 
-/** Projects a point to a photo position; null at or behind the camera. */
+/**
+ * Projects a point to a photo position; null at or behind the camera.
+ *
+ * @type {(camera: Lens, point: Vector) => Pixel | null}
+ */
 export function project(camera, [x, y, z]) {
   if (z > -1e-3) return null;
   return [camera.cx - (camera.fx * x) / z, camera.cy + (camera.fy * y) / z];
 }
 
-/** Returns the direction through a photo position, with z = −1. */
+/**
+ * Returns the direction through a photo position, with z = −1.
+ *
+ * @type {(camera: Lens, pixel: Pixel) => Vector}
+ */
 export function direction(camera, [u, v]) {
   return [(u - camera.cx) / camera.fx, -(v - camera.cy) / camera.fy, -1];
 }
 
-/** Intersects the ray through a photo position with a plane; null without intersection. */
+/**
+ * Intersects the ray through a photo position with a plane; null without intersection.
+ *
+ * @type {(camera: Lens, pixel: Pixel, point: Vector, normal: Vector) => Vector | null}
+ */
 export function onPlane(camera, pixel, point, normal) {
   const along = direction(camera, pixel);
   const distance = dot(point, normal) / dot(along, normal);
   return Number.isFinite(distance) && distance > 0 ? times(along, distance) : null;
 }
 
-/** Returns an object's x, y and z axes in world space. */
+/**
+ * Returns an object's x, y and z axes in world space.
+ *
+ * @type {(object: Box) => [Vector, Vector, Vector]}
+ */
 export function axes(object) {
   const up = object.up;
   // The shortest rotation from +Y to `up`, after the rotation about the up axis.
   const axis = cross([0, 1, 0], up);
   const [sin, cos] = [Math.hypot(...axis), up[1]];
+  /** @type {(v: Vector) => Vector} */
   const turned = (v) => {
     if (sin < 1e-6) return cos > 0 ? v : [v[0], -v[1], -v[2]];
     const k = times(axis, 1 / sin);
@@ -44,7 +74,11 @@ export function axes(object) {
   ];
 }
 
-/** Returns the eight corners of an object's bounding box, those of the base first. */
+/**
+ * Returns the eight corners of an object's bounding box, those of the base first.
+ *
+ * @type {(object: Box) => Vector[]}
+ */
 export function corners(object) {
   const [x, y, z] = axes(object);
   const [width, height, length] = object.size_m;
@@ -58,7 +92,23 @@ export function corners(object) {
   return found;
 }
 
-/** Returns whether a point is in the convex hull of others. */
+/**
+ * Returns the items; null if one of them is null.
+ *
+ * @template Item
+ * @param {(Item | null)[]} items
+ * @returns {Item[] | null}
+ */
+export function complete(items) {
+  const present = items.filter((item) => item !== null);
+  return present.length === items.length ? present : null;
+}
+
+/**
+ * Returns whether a point is in the convex hull of others.
+ *
+ * @type {(points: Pixel[], point: Pixel) => boolean}
+ */
 export function isInHull(points, [x, y]) {
   // The point is inside unless all others are on one side of it.
   const angles = points.map(([px, py]) => Math.atan2(py - y, px - x)).sort((a, b) => a - b);

@@ -3,6 +3,11 @@
 import { byId, element, fill, short } from "./dom.js";
 import { numberSlider } from "./slider.js";
 
+/** @import { Pixel } from "./camera.js" */
+/** @import { Command, LightMode } from "./protocol.d.ts" */
+/** @import { Page } from "./store.js" */
+
+/** @type {LightMode[]} */
 const LIGHTS = ["even", "expected", "plausible"];
 const TITLE = "Even: no lamps in unobserved regions. Expected: correct on average, with soft shadows. "
   + "Plausible: gathered into lamps and windows, with sharp shadows.";
@@ -10,19 +15,37 @@ const TITLE = "Even: no lamps in unobserved regions. Expected: correct on averag
 /** Notes on choices without effect. */
 const NOTES = {
   none: "A network did not infer the light of this scene: there is nothing to choose.",
+  expected: "",
   fitted: "This scene has no expected light: contrast, warmth and white have no effect, and expected light equals even light.",
 };
 
-/** Builds the controls. Returns their `root`, and `show()` to update them. */
+/**
+ * Builds the controls. Returns their `root`, and `show()` to update them.
+ *
+ * @param {Page} page
+ * @param {(command: Command) => void} act
+ */
 export function guessedLight(page, act) {
   const fields = element("div", { className: "fields" });
+  /** @type {(text: string, id: string, control: HTMLElement) => void} */
   const field = (text, id, control) => fields.append(element("label", { textContent: text, htmlFor: id }), control);
   const options = LIGHTS.map((value) => element("option", { value, textContent: value }));
   const choice = element("select", { id: "guessed-light", title: TITLE }, ...options);
-  choice.onchange = () => act({ do: "guessed-light", light: choice.value });
+  choice.onchange = () => {
+    const light = LIGHTS.find((name) => name === choice.value);
+    if (light) act({ do: "guessed-light", light });
+  };
+  /**
+   * @param {string} id
+   * @param {string} name
+   * @param {[number, number]} range
+   * @param {number} step
+   * @param {(value: number) => Command} command
+   */
   const slider = (id, name, [min, max], step, command) => numberSlider(page, { id, name, min, max, step, command });
   const contrast = slider("contrast", "Contrast", [0, 3], 0.05, (factor) => ({ do: "contrast", factor }));
   const warmth = slider("warmth", "Warmth in stops", [-4, 4], 0.1, (ev) => ({ do: "warmth", ev }));
+  /** @type {(id: string, textContent: string, extra: Record<string, string>) => HTMLButtonElement} */
   const button = (id, textContent, extra) => element("button", { type: "button", id, textContent, ...extra });
   const pick = button("pick-white", "Pick white", { "aria-pressed": "false" });
   const clear = button("clear-white", "Clear", { "aria-label": "Clear the white pixel" });
@@ -36,12 +59,17 @@ export function guessedLight(page, act) {
   const note = element("p", { className: "note" });
 
   const hint = byId("pick-hint");
+  /** @param {boolean} isOn */
   const picking = (isOn) => {
     page.picking = isOn ? picked : null;
     pick.setAttribute("aria-pressed", String(isOn));
     hint.hidden = !isOn;
   };
-  /** Ends the picking with a pixel, or null. */
+  /**
+   * Ends the picking with a pixel, or null.
+   *
+   * @param {Pixel | null} pixel
+   */
   const picked = (pixel) => {
     picking(false);
     if (pixel) act({ do: "white", pixel });
@@ -59,7 +87,7 @@ export function guessedLight(page, act) {
   return {
     root: element("div", { className: "guessed" }, fields, note),
     show() {
-      const { light, contrast: factor, warmth_ev, white, effect } = page.view.guessed_light;
+      const { light, contrast: factor, warmth_ev, white, effect } = page.openView().guessed_light;
       const isTuned = effect === "expected" && light !== "even";
       fill(choice, light);
       choice.disabled = effect === "none";
@@ -73,7 +101,7 @@ export function guessedLight(page, act) {
       at.hidden = !white;
       at.textContent = white ? `at ${white.map((position) => short(Math.floor(position))).join(", ")}` : "";
       note.hidden = effect === "expected";
-      note.textContent = NOTES[effect] ?? "";
+      note.textContent = NOTES[effect];
       if (!isTuned && page.picking) picked(null);
     },
   };

@@ -1,17 +1,22 @@
 // The page: receives the program's messages, updates the page, and connects its parts.
 
-import { byId, element, showMessage } from "./dom.js";
+import { around, byId, contextOf, element, showMessage } from "./dom.js";
 import { listen } from "./gestures.js";
 import { drawHandles, drawWhite } from "./handles.js";
 import { ImageView, LUMINANCE_LEGEND } from "./image_view.js";
 import { lightsPanel } from "./lights.js";
 import { objectsPanel } from "./objects.js";
-import { outsideView } from "./outside.js";
+import { OVERLAYS, outsideView } from "./outside.js";
 import { probePanel } from "./probe.js";
 import { connect } from "./server.js";
 import { figures, page } from "./store.js";
 import { timelinePanel } from "./timeline.js";
 import { listenForFiles, save } from "./uploads.js";
+
+/** @import { Command, SceneInfo, ToPage } from "./protocol.d.ts" */
+/** @import { Frame } from "./store.js" */
+
+/** @typedef {Extract<ToPage, { type: "overlay" }>} OverlayMessage */
 
 const STEPS = { moving: "draft", resting: "normal quality", final: "high quality: identical to the output of insert" };
 
@@ -20,14 +25,13 @@ const MEASURED = 200;
 /** Minimum interval between updates of the panels, milliseconds. */
 const PANELS_MS = 100;
 
-// For tests.
-globalThis.viewer = { page, figures };
-
 const stage = byId("stage");
 const handles = byId("handles");
 const imageView = new ImageView(byId("picture"), onFrameShown);
 let sequence = 0;
+/** @type {{ command: Command, at: number } | null} */
 let pendingPreview = null;
+/** @type {number | null} */
 let panelsTimer = null;
 let panelsAt = -PANELS_MS;
 
@@ -69,13 +73,13 @@ page.select = (id) => {
 
 page.photoPosition = (event) => {
   const box = handles.getBoundingClientRect();
-  const { width, height } = page.scene.camera;
+  const { width, height } = page.openScene().camera;
   return [((event.clientX - box.left) / box.width) * width, ((event.clientY - box.top) / box.height) * height];
 };
 const rem = () => parseFloat(getComputedStyle(document.documentElement).fontSize);
-page.reach = () => (rem() * page.scene.camera.width) / handles.getBoundingClientRect().width;
+page.reach = () => (rem() * page.openScene().camera.width) / handles.getBoundingClientRect().width;
 page.hover = (pixel) => {
-  const { width, height } = page.scene.camera;
+  const { width, height } = page.openScene().camera;
   if (pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < width && pixel[1] < height) probe.at(pixel);
 };
 let isDrawing = false;
@@ -89,8 +93,8 @@ page.redraw = () => {
     const gesture = page.gesture();
     const active = gesture?.handle ?? null;
     const scale = handles.width / page.scene.camera.width;
-    const hovered = gesture ? null : page.view?.objects.find((object) => object.id === page.hovered?.id);
-    const context = handles.getContext("2d");
+    const hovered = gesture ? null : page.view?.objects.find((object) => object.id === page.hovered?.id) ?? null;
+    const context = contextOf(handles);
     drawHandles(context, scale, rem() * ratio, page.scene.camera, page.selected(), hovered, active);
     const { white, light, effect } = page.view?.guessed_light ?? {};
     if (white && light !== "even" && effect === "expected") drawWhite(context, scale, rem() * ratio, white);
@@ -101,7 +105,7 @@ page.redraw = () => {
 Object.assign(page.keys, {
   n: () => {
     const ids = (page.view?.objects ?? []).map((object) => object.id);
-    if (ids.length) page.select(ids[(ids.indexOf(page.selectedId) + 1) % ids.length]);
+    if (ids.length) page.select(ids[(ids.findIndex((id) => id === page.selectedId) + 1) % ids.length]);
   },
   p: () => probe.hold(),
   v: () => outside.toggle(),
@@ -117,8 +121,15 @@ const showLights = lightsPanel(page);
 const timeline = timelinePanel(page);
 listen(stage, page);
 const outside = outsideView(page, imageView, () => probe.shown_m);
-viewer.outside = outside;
+// For tests.
+Object.assign(globalThis, { viewer: { page, figures, outside } });
 
+/**
+ * Receives a message of the program.
+ *
+ * @param {ToPage} message
+ * @param {Uint8Array<ArrayBuffer>[]} images
+ */
 function receive(message, images) {
   switch (message.type) {
     case "hello":
@@ -180,6 +191,7 @@ function receive(message, images) {
   }
 }
 
+/** @param {"connecting" | "empty" | "opening" | "scene"} at */
 function setScreen(at) {
   document.body.dataset.at = at;
   byId("open").hidden = at !== "empty";
@@ -187,6 +199,7 @@ function setScreen(at) {
   if (at === "connecting") setStatus("not connected to the program; reconnecting …");
 }
 
+/** @param {SceneInfo} scene */
 function openScene(scene) {
   const isNew = page.scene?.scene !== scene.scene;
   page.scene = scene;
@@ -204,6 +217,7 @@ function openScene(scene) {
   resizeCanvases();
 }
 
+/** @param {Extract<ToPage, { type: "state" }>} message */
 function showState({ change, view }) {
   if (!page.scene) return;
   const known = new Set(page.view?.objects.map((object) => object.id) ?? view.objects.map((object) => object.id));
@@ -223,7 +237,7 @@ function showPanels() {
   panelsTimer = null;
   panelsAt = performance.now();
   const { scene, view } = page;
-  if (!view) return;
+  if (!scene || !view) return;
   byId("undo").disabled = !view.can_undo;
   byId("redo").disabled = !view.can_redo;
   const isUnsaved = !scene.is_saved || view.edited;
@@ -235,11 +249,16 @@ function showPanels() {
   timeline.show();
 }
 
-/** Records latencies and updates the status when a frame is shown. */
+/**
+ * Records latencies and updates the status when a frame is shown.
+ *
+ * @param {Frame} frame
+ */
 function onFrameShown(frame) {
   const now = performance.now();
-  if (frame.step === "moving" && figures.sent.has(frame.sequence)) {
-    figures.latencies_ms.push(now - figures.sent.get(frame.sequence));
+  const sent_ms = figures.sent.get(frame.sequence);
+  if (frame.step === "moving" && sent_ms !== undefined) {
+    figures.latencies_ms.push(now - sent_ms);
     figures.frames_at_ms.push(now);
     for (const list of [figures.latencies_ms, figures.frames_at_ms]) if (list.length > MEASURED) list.shift();
   }
@@ -256,13 +275,18 @@ function onFrameShown(frame) {
   else setStatus(movement(now));
 }
 
-/** Describes the rate and latency of the current movement. */
+/**
+ * Describes the rate and latency of the current movement.
+ *
+ * @param {number} now
+ */
 function movement(now) {
   const recent = figures.frames_at_ms.filter((at) => now - at < 1000).length;
   const last = figures.latencies_ms[figures.latencies_ms.length - 1];
   return recent > 1 ? `draft, ${recent} images/s, ${Math.round(last)} ms` : "draft";
 }
 
+/** @param {string} text */
 function setStatus(text) {
   if (byId("status").textContent !== text) byId("status").textContent = text;
 }
@@ -286,6 +310,11 @@ function resizeCanvases() {
 }
 new ResizeObserver(resizeCanvases).observe(stage);
 
+/**
+ * Shows colours and their meanings.
+ *
+ * @param {[string, string][]} lines
+ */
 function showLegend(lines) {
   const legend = byId("legend");
   legend.hidden = !lines.length;
@@ -296,15 +325,22 @@ function showLegend(lines) {
   }));
 }
 
+/**
+ * Sets the overlay; "" for none, "luminance" for false colour.
+ *
+ * @param {string} what
+ */
 function setOverlay(what) {
   byId("overlay").value = what;
   imageView.isFalseColour = what === "luminance";
   imageView.setOverlay(null);
   showLegend(what === "luminance" ? LUMINANCE_LEGEND : []);
-  if (what && what !== "luminance") page.send({ type: "overlay", what });
+  const requested = OVERLAYS.find((each) => each === what);
+  if (requested) page.send({ type: "overlay", what: requested });
   outside.again();
 }
 
+/** @type {(message: OverlayMessage, bytes: BlobPart) => Promise<void>} */
 async function takeOverlay(message, bytes) {
   const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/png" }));
   if (byId("overlay").value !== message.what) return bitmap.close();
@@ -312,17 +348,18 @@ async function takeOverlay(message, bytes) {
   return imageView.setOverlay(bitmap);
 }
 
+/** @param {number} stops */
 function setExposure(stops) {
   page.exposure = imageView.exposure = stops;
-  byId("exposure").value = stops;
+  byId("exposure").value = String(stops);
   byId("exposure-value").textContent = `${stops > 0 ? "+" : ""}${Math.round(10 * stops) / 10} EV`;
   imageView.draw();
   probe.again();
   outside.again();
 }
 
-byId("overlay").onchange = (event) => setOverlay(event.target.value);
-byId("exposure").oninput = (event) => setExposure(event.target.valueAsNumber);
+byId("overlay").onchange = () => setOverlay(byId("overlay").value);
+byId("exposure").oninput = () => setExposure(byId("exposure").valueAsNumber);
 byId("exposure").ondblclick = () => setExposure(0);
 byId("undo").onclick = () => page.send({ type: "undo" });
 byId("redo").onclick = () => page.send({ type: "redo" });
@@ -330,29 +367,30 @@ byId("close").onclick = () => page.mayLeave() && page.send({ type: "close" });
 byId("opening-stop").onclick = () => page.send({ type: "stop" });
 byId("help-button").onclick = () => byId("help").showModal();
 byId("copy").onclick = async () => {
-  await navigator.clipboard.writeText(byId("command").textContent);
-  const { scene, view } = page;
+  await navigator.clipboard.writeText(byId("command").textContent ?? "");
+  const [scene, view] = [page.openScene(), page.openView()];
   const isUnsaved = !scene.is_saved || view.edited;
   showMessage(isUnsaved ? `copied; save the scene as ${scene.file} before you run it (Save, Scene)` : "copied");
 };
-for (const button of document.querySelectorAll("#save button")) {
+for (const button of byId("save").querySelectorAll("button")) {
+  const { file = "" } = button.dataset;
   button.onclick = () => {
     byId("save").open = false;
-    if (button.dataset.file === "light.exr" && !probe.pixel) {
+    if (file === "light.exr" && !probe.pixel) {
       showMessage("point at the photo first, to place the probe", true);
       return;
     }
     if ("sequence" in button.dataset) {
       if (!page.view?.timeline.span_s) showMessage("nothing is animated yet: select an object and add keyframes (K)", true);
       // A browser download, which is written to the disk as it is rendered.
-      else element("a", { href: `download/${button.dataset.file}`, download: button.dataset.file }).click();
+      else element("a", { href: `download/${file}`, download: file }).click();
       return;
     }
-    const needsImage = ["picture.png", "layers.exr"].includes(button.dataset.file);
+    const needsImage = ["picture.png", "layers.exr"].includes(file);
     if (needsImage && page.view?.objects.length) showMessage("the download starts when the high-quality image is finished …");
-    save(button.dataset.file, "probe" in button.dataset && probe.pixel ? probe.query() : "");
+    save(file, "probe" in button.dataset && probe.pixel ? probe.query() : "");
   };
 }
 document.addEventListener("click", (event) => {
-  if (!event.target.closest("#save")) byId("save").open = false;
+  if (!around(event, "#save")) byId("save").open = false;
 });

@@ -1,12 +1,26 @@
 // The room from outside: the program's images, overlay lines, and the orbit camera.
 
-import { add, corners, isInHull, project, times } from "./camera.js";
-import { byId } from "./dom.js";
+import { add, complete, corners, isInHull, project, times } from "./camera.js";
+import { byId, contextOf } from "./dom.js";
 import { falseColour } from "./image_view.js";
 import { FOV_DEG, cameraOf, eyeOf, inFrame, inWords, levelAxes, orbitAround, pan, rotate, zoom } from "./orbit.js";
 import { outsideImages } from "./outside_images.js";
 import { listenOutside } from "./outside_input.js";
 import { drawLines } from "./outside_lines.js";
+
+/** @import { Vector } from "./camera.js" */
+/** @import { ImageView } from "./image_view.js" */
+/** @import { Orbit } from "./orbit.js" */
+/** @import { OutsideImage } from "./outside_images.js" */
+/** @import { ObjectView, OutsideView, Overlay } from "./protocol.d.ts" */
+/** @import { Frame, Page } from "./store.js" */
+
+/**
+ * Overlays that the program renders.
+ *
+ * @type {Overlay[]}
+ */
+export const OVERLAYS = ["depth", "normals", "levels", "origins"];
 
 /** Longer side of images during a movement, and maximum size at rest; pixels. */
 const MOVING_SIDE = 640;
@@ -23,20 +37,26 @@ const STAGE_LABEL = "The room from outside. Arrow keys rotate the view, with Shi
  *
  * Returns `toggle()`, `take(message, bytes)`, `again()` to request the current view, `reset()` for another scene,
  * `draw()`, and for tests `isOn`, `shown`, `orbit()` and `isStill()`.
+ *
+ * @param {Page} page
+ * @param {ImageView} photo
+ * @param {() => Vector | null} probePosition
  */
 export function outsideView(page, photo, probePosition) {
   const stage = byId("stage");
   const canvas = byId("outside");
-  const context = canvas.getContext("2d");
-  const photoLabel = stage.getAttribute("aria-label");
+  const context = contextOf(canvas);
+  const photoLabel = stage.getAttribute("aria-label") ?? "";
+  /** @type {Orbit | null} */
   let orbit = null;
+  /** @type {{ of: Frame | null, work: OffscreenCanvas } | null} */
   let thumbnail = null;
 
   const images = outsideImages(page, {
-    isOn: () => outside.isOn && page.scene,
+    isOn: () => outside.isOn && page.isOpen(),
     viewOf,
     arrived: () => page.redraw(),
-    rested: () => { byId("outside-note").textContent = inWords(orbit); },
+    rested: () => { byId("outside-note").textContent = inWords(currentOrbit()); },
   });
 
   const outside = {
@@ -55,6 +75,13 @@ export function outsideView(page, photo, probePosition) {
     draw,
   };
 
+  /** Returns the orbit; at first one that shows the whole room. */
+  function currentOrbit() {
+    orbit ??= orbitAround(page.openScene().extent);
+    return orbit;
+  }
+
+  /** @param {boolean} isOn */
   function show(isOn) {
     outside.isOn = isOn;
     canvas.hidden = byId("outside-note").hidden = !isOn;
@@ -68,10 +95,15 @@ export function outsideView(page, photo, probePosition) {
   byId("view-photo").onclick = () => show(false);
   byId("view-room").onclick = () => show(true);
 
-  /** Returns the view to request. */
+  /**
+   * Returns the view to request.
+   *
+   * @param {boolean} still
+   * @returns {OutsideView}
+   */
   function viewOf(still) {
-    const { up, extent } = page.scene;
-    orbit ??= orbitAround(extent);
+    const { up } = page.openScene();
+    const { target_m } = currentOrbit();
     const box = stage.getBoundingClientRect();
     const full = [box.width * devicePixelRatio, box.height * devicePixelRatio];
     const scale = still
@@ -80,54 +112,57 @@ export function outsideView(page, photo, probePosition) {
     const [width, height] = full.map((side) => Math.max(1, Math.floor(side * scale)));
     const overlay = byId("overlay").value;
     return {
-      eye_m: eyeOf(orbit, levelAxes(up)),
-      target_m: orbit.target_m,
+      eye_m: eyeOf(currentOrbit(), levelAxes(up)),
+      target_m,
       fov_deg: FOV_DEG,
       width,
       height,
       exposure_ev: page.exposure,
-      show: overlay === "" || overlay === "luminance" ? null : overlay,
+      show: OVERLAYS.find((each) => each === overlay) ?? null,
       still,
     };
   }
 
-  listenOutside(stage, canvas, () => page.scene && orbit, {
+  listenOutside(stage, canvas, () => page.isOpen() && orbit !== null, {
     rotate(yaw, pitch) {
-      rotate(orbit, yaw, pitch);
+      rotate(currentOrbit(), yaw, pitch);
       images.again();
     },
     pan(right, up) {
-      pan(orbit, page.scene.up, right, up);
+      pan(currentOrbit(), page.openScene().up, right, up);
       images.again();
     },
     zoom(factor) {
-      zoom(orbit, factor);
+      zoom(currentOrbit(), factor);
       images.again();
     },
     resetView() {
-      orbit = orbitAround(page.scene.extent);
+      orbit = orbitAround(page.openScene().extent);
       images.again();
     },
     centre() {
       const object = page.selected();
       if (!object) return;
-      orbit.target_m = middleOf(object);
+      currentOrbit().target_m = middleOf(object);
       images.again();
     },
     click: (event) => page.select(objectAt(event)?.id ?? null),
   });
 
+  /** @param {MouseEvent} event */
   function objectAt(event) {
     const { shown } = images;
     if (!shown) return null;
     const box = canvas.getBoundingClientRect();
-    const camera = cameraOf(shown.view, page.scene.up);
+    const camera = cameraOf(shown.view, page.openScene().up);
     const { width, height } = shown.view;
+    /** @type {[number, number]} */
     const at = [((event.clientX - box.left) / box.width) * width, ((event.clientY - box.top) / box.height) * height];
+    /** @param {ObjectView} object */
     const distance = (object) => -inFrame(camera, middleOf(object))[2];
     const hit = (page.view?.objects ?? []).filter((object) => {
-      const points = corners(object).map((corner) => project(camera, inFrame(camera, corner)));
-      return !points.includes(null) && isInHull(points, at);
+      const points = complete(corners(object).map((corner) => project(camera, inFrame(camera, corner))));
+      return points && isInHull(points, at);
     });
     return hit.sort((a, b) => distance(a) - distance(b))[0] ?? null;
   }
@@ -150,13 +185,17 @@ export function outsideView(page, photo, probePosition) {
     drawLines(context, shown.view, page, photoThumbnail(), probePosition());
   }
 
-  /** Returns the image for display. The program applies exposure already. */
+  /**
+   * Returns the image for display. The program applies exposure already.
+   *
+   * @param {OutsideImage} shown
+   */
   function developed(shown) {
     if (byId("overlay").value !== "luminance") return shown.bitmap;
     if (!shown.developed) {
       const { width, height } = shown.bitmap;
       shown.developed = new OffscreenCanvas(width, height);
-      const work = shown.developed.getContext("2d", { willReadFrequently: true });
+      const work = contextOf(shown.developed, { willReadFrequently: true });
       work.drawImage(shown.bitmap, 0, 0);
       const image = work.getImageData(0, 0, width, height);
       falseColour(image.data, 1);
@@ -169,10 +208,10 @@ export function outsideView(page, photo, probePosition) {
   function photoThumbnail() {
     if (!photo.bitmap) return null;
     if (thumbnail?.of !== photo.shown) {
-      const { width, height } = page.scene.camera;
+      const { width, height } = page.openScene().camera;
       const scale = THUMBNAIL_SIDE / Math.max(width, height);
       const work = new OffscreenCanvas(Math.max(1, Math.round(width * scale)), Math.max(1, Math.round(height * scale)));
-      const into = work.getContext("2d");
+      const into = contextOf(work);
       into.imageSmoothingQuality = "high";
       into.drawImage(photo.bitmap, 0, 0, work.width, work.height);
       thumbnail = { of: photo.shown, work };
@@ -183,4 +222,5 @@ export function outsideView(page, photo, probePosition) {
   return outside;
 }
 
+/** @param {ObjectView} object */
 const middleOf = (object) => times(corners(object).reduce(add), 1 / 8);

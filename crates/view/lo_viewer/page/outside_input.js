@@ -1,16 +1,38 @@
 // Pointer and keys on the view from outside.
 
+import { around } from "./dom.js";
 import { clamped } from "./orbit.js";
+
+/**
+ * @typedef {object} OutsideActions
+ * @property {(yaw: number, pitch: number) => void} rotate
+ * @property {(right: number, up: number) => void} pan
+ * @property {(factor: number) => void} zoom
+ * @property {() => void} resetView
+ * @property {() => void} centre
+ * @property {(event: MouseEvent) => void} click
+ */
 
 /**
  * Listens to the canvas and the keyboard while `isActive()`. `actions`: `rotate(yaw, pitch)` in degrees, `pan(right,
  * up)` in shares of the height, `zoom(factor)`, `resetView()`, `centre()`, and `click(event)`.
+ *
+ * @param {HTMLElement} stage
+ * @param {HTMLCanvasElement} canvas
+ * @param {() => boolean} isActive
+ * @param {OutsideActions} actions
  */
 export function listenOutside(stage, canvas, isActive, actions) {
   const { rotate, pan, zoom, resetView, centre, click } = actions;
 
   // Events stop here: on the stage below they would move objects in the photo.
+  /** @type {{ at: [number, number], isPan: boolean, moved: number } | null} */
   let drag = null;
+  /**
+   * @template {keyof HTMLElementEventMap} Kind
+   * @param {Kind} kind
+   * @param {(event: HTMLElementEventMap[Kind]) => void} action
+   */
   const on = (kind, action) => canvas.addEventListener(kind, (event) => {
     event.stopPropagation();
     if (isActive()) action(event);
@@ -30,6 +52,7 @@ export function listenOutside(stage, canvas, isActive, actions) {
     if (drag.isPan) pan(-dx / height, dy / height);
     else rotate((-200 * dx) / height, (200 * dy) / height);
   });
+  /** @param {PointerEvent} event */
   const end = (event) => {
     if (drag && drag.moved < 4 && event.type === "pointerup" && !drag.isPan) click(event);
     drag = null;
@@ -43,7 +66,11 @@ export function listenOutside(stage, canvas, isActive, actions) {
     if (isActive()) zoom(Math.exp(clamped(event.deltaY, -300, 300) / 700));
   }, { passive: false });
 
-  // Without and with Shift.
+  /**
+   * Without and with Shift.
+   *
+   * @type {Record<string, (() => void)[]>}
+   */
   const keys = {
     ArrowLeft: [() => rotate(-5, 0), () => pan(-0.05, 0)],
     ArrowRight: [() => rotate(5, 0), () => pan(0.05, 0)],
@@ -59,7 +86,7 @@ export function listenOutside(stage, canvas, isActive, actions) {
   document.addEventListener("keydown", (event) => {
     if (canvas.hidden || !isActive() || event.ctrlKey || event.metaKey || event.altKey) return;
     const key = keys[event.key] ?? keys[event.key.toLowerCase()];
-    if (!key || event.target.closest?.("input, select, textarea, dialog[open], aside, header, footer")) return;
+    if (!key || around(event, "input, select, textarea, dialog[open], aside, header, footer")) return;
     event.preventDefault();
     event.stopPropagation();
     (event.shiftKey && key[1] ? key[1] : key[0])();

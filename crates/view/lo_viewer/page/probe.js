@@ -1,11 +1,17 @@
 // The light at the pointer: panorama, mirror ball, and provenance.
 
-import { byId, element, short } from "./dom.js";
+import { byId, contextOf, element, short } from "./dom.js";
+
+/** @import { Pixel, Vector } from "./camera.js" */
+/** @import { ToPage } from "./protocol.d.ts" */
+/** @import { Page } from "./store.js" */
 
 /**
  * Builds the panel. Returns `at(pixel)` to request the light above a photo position, `again()` to repeat the request,
  * `take(message, images)` for responses, `pixel` and `shown_m` (last requested photo position and shown point),
  * `hold()` to toggle holding, and `query()` for downloads.
+ *
+ * @param {Pick<Page, "send" | "exposure">} page
  */
 export function probePanel(page) {
   const panorama = element("canvas", { className: "panorama", role: "img", "aria-label": "Panorama of the light at the pointer" });
@@ -24,15 +30,18 @@ export function probePanel(page) {
   byId("probe").style.display = "grid";
   byId("probe").style.gap = "0.5rem";
 
+  /** @type {ImageBitmap[] | null} */
   let bitmaps = null;
   let isPending = false;
+  /** @type {Pixel | null} */
   let next = null;
   let timeout = 0;
   const draw = () => {
     if (!bitmaps) return;
+    /** @type {(canvas: HTMLCanvasElement, bitmap: ImageBitmap) => void} */
     const show = (canvas, bitmap) => {
       [canvas.width, canvas.height] = [bitmap.width, bitmap.height];
-      canvas.getContext("2d").drawImage(bitmap, 0, 0);
+      contextOf(canvas).drawImage(bitmap, 0, 0);
     };
     show(panorama, bitmaps[provenance.checked ? 2 : 0]);
     show(ball, bitmaps[1]);
@@ -41,9 +50,10 @@ export function probePanel(page) {
 
   const probe = {
     /** Last requested photo position. */
-    pixel: null,
+    pixel: /** @type {Pixel | null} */ (null),
     /** The shown point, metres. */
-    shown_m: null,
+    shown_m: /** @type {Vector | null} */ (null),
+    /** @param {Pixel} pixel */
     request(pixel) {
       probe.pixel = pixel;
       // One request at a time: the newest position waits for the response to the last.
@@ -56,6 +66,7 @@ export function probePanel(page) {
       timeout = setTimeout(() => finished(), 3000);
       page.send({ type: "probe", pixel, lift_m: lift.valueAsNumber || 0, exposure_ev: page.exposure });
     },
+    /** @param {Pixel} pixel */
     at(pixel) {
       if (!held.checked) probe.request(pixel);
     },
@@ -66,9 +77,14 @@ export function probePanel(page) {
       held.checked = !held.checked;
     },
     query() {
+      if (!probe.pixel) return "";
       const [u, v] = probe.pixel;
       return `?u=${u}&v=${v}&lift=${lift.valueAsNumber || 0}`;
     },
+    /**
+     * @param {Extract<ToPage, { type: "probe" | "no-probe" }>} message
+     * @param {BlobPart[]} images
+     */
     async take(message, images) {
       finished();
       if (message.type === "no-probe") {

@@ -1,13 +1,20 @@
 // The WebSocket to the program; `protocol.rs` defines its messages.
 
+/** @import { FromPage, ToPage } from "./protocol.d.ts" */
+
 const decoder = new TextDecoder();
 
 /**
  * Connects, and reconnects when the connection is lost. Calls `receive(message, images)` for each message, and `lost()`
  * when the connection is lost. Returns a function that sends a message and returns whether there is a connection.
+ *
+ * @param {(message: ToPage, images: Uint8Array<ArrayBuffer>[]) => void} receive
+ * @param {() => void} lost
+ * @returns {(message: FromPage) => boolean}
  */
 export function connect(receive, lost) {
-  let socket = null;
+  /** @type {WebSocket} */
+  let socket;
   let wait = 250;
   const open = () => {
     const address = new URL("socket", location.href);
@@ -23,7 +30,7 @@ export function connect(receive, lost) {
       const length = new DataView(data).getUint32(0, true);
       const message = JSON.parse(decoder.decode(new Uint8Array(data, 4, length)));
       let at = 4 + length;
-      const images = message.lengths.map((bytes) => {
+      const images = message.lengths.map((/** @type {number} */ bytes) => {
         at += bytes;
         return new Uint8Array(data, at - bytes, bytes);
       });

@@ -1,37 +1,43 @@
 // State shared by the parts of the page, and the actions that they provide to one another.
 
+/** @import { Pixel } from "./camera.js" */
+/** @import { Gesture } from "./gestures.js" */
+/** @import { Command, FromPage, ObjectView, Preset, SceneInfo, SessionView, ToPage } from "./protocol.d.ts" */
+
 /**
  * @typedef {object} Page
  *
  * State:
- * @property {object | null} scene The open scene, `SceneInfo` in `protocol.rs`.
- * @property {object | null} view The session, `SessionView` in `lo_session`.
+ * @property {SceneInfo | null} scene The open scene.
+ * @property {SessionView | null} view The session.
  * @property {number} change Number of the last change; images refer to it.
- * @property {object[]} materials Material presets.
+ * @property {Preset[]} materials Material presets.
  * @property {number | null} selectedId Id of the selected object.
- * @property {object | null} hovered The object under the pointer.
- * @property {((pixel: number[] | null) => void) | null} picking Receives the next clicked pixel, or null if picking is
+ * @property {ObjectView | null} hovered The object under the pointer.
+ * @property {((pixel: Pixel | null) => void) | null} picking Receives the next clicked pixel, or null if picking is
  *   cancelled; null unless a pixel is being picked.
  * @property {number} exposure Exposure of the display, stops.
  *
  * Derived state:
- * @property {() => object | null} selected Returns the selected object.
+ * @property {() => SceneInfo} openScene Returns the open scene; an error if none is open.
+ * @property {() => SessionView} openView Returns the session; an error if there is none.
+ * @property {() => ObjectView | null} selected Returns the selected object.
  * @property {() => boolean} isOpen Returns whether a scene is open.
  * @property {() => boolean} mayLeave Asks for confirmation if closing the scene would discard objects.
  *
  * Actions, from `main.js`:
- * @property {(message: object) => void} send Sends a message to the program, `FromPage` in `protocol.rs`.
- * @property {(command: object) => void} preview Previews a command, at most once per display frame.
+ * @property {(message: FromPage) => void} send Sends a message to the program.
+ * @property {(command: Command) => void} preview Previews a command, at most once per display frame.
  * @property {(time_s: number) => void} seek Moves to another time.
  * @property {(id: number | null) => void} select Selects an object.
- * @property {(event: MouseEvent) => number[]} photoPosition Returns the photo position of a pointer event.
+ * @property {(event: MouseEvent) => Pixel} photoPosition Returns the photo position of a pointer event.
  * @property {() => number} reach Returns the radius in which a handle is hit, photo pixels.
- * @property {(pixel: number[]) => void} hover Moves the probe to a photo position.
+ * @property {(pixel: Pixel) => void} hover Moves the probe to a photo position.
  * @property {() => void} redraw Redraws handles and overlay lines in the next display frame.
  * @property {Record<string, () => void>} keys Actions by key.
  *
  * Actions, from other parts:
- * @property {() => object | null} gesture Returns the current gesture on the photo (`gestures.js`).
+ * @property {() => Gesture | null} gesture Returns the current gesture on the photo (`gestures.js`).
  * @property {() => void} pickFile Opens the file picker for meshes (`uploads.js`).
  */
 
@@ -46,6 +52,14 @@ export const page = {
   picking: null,
   exposure: 0,
 
+  openScene() {
+    if (!page.scene) throw new Error("no scene is open");
+    return page.scene;
+  },
+  openView() {
+    if (!page.view) throw new Error("there is no session");
+    return page.view;
+  },
   selected: () => page.view?.objects.find((object) => object.id === page.selectedId) ?? null,
   isOpen: () => page.scene !== null,
   mayLeave: () => !page.view?.objects.length || confirm("The objects in this photo will be lost. Open another one?"),
@@ -66,8 +80,20 @@ export const page = {
 // A field that is missing above is an error.
 Object.seal(page);
 
+/** @typedef {Extract<ToPage, { type: "frame" }>} Frame */
+
+/**
+ * @typedef {object} Figures
+ * @property {number[]} latencies_ms
+ * @property {number[]} frames_at_ms
+ * @property {Map<number, number>} sent
+ * @property {Frame | null} shown
+ */
+
 /**
  * Measurements of movements, for tests: latencies and display times of the last drafts, send times of previews, and the
  * shown frame.
+ *
+ * @type {Figures}
  */
 export const figures = { latencies_ms: [], frames_at_ms: [], sent: new Map(), shown: null };

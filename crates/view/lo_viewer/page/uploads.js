@@ -2,6 +2,8 @@
 
 import { byId, element, showMessage } from "./dom.js";
 
+/** @import { Page } from "./store.js" */
+
 /** Upload limit of the program, bytes. */
 const MAX_BYTES = 256 * 2 ** 20;
 
@@ -9,8 +11,18 @@ const MESHES = ["glb", "gltf", "obj", "ply", "stl"];
 const SCENES = ["scene", "safetensors"];
 const PHOTOS = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp", "hdr", "exr", "pfm"];
 
-const endingOf = (file) => file.name.split(".").pop().toLowerCase();
+/** @param {File} file */
+const endingOf = (file) => file.name.toLowerCase().split(".").at(-1) ?? "";
 
+/** @param {unknown} error */
+const messageOf = (error) => (error instanceof Error ? error.message : String(error));
+
+/**
+ * Uploads a file.
+ *
+ * @param {string} kind
+ * @param {File} file
+ */
 async function upload(kind, file) {
   if (file.size > MAX_BYTES) throw new Error(`${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most ${MAX_BYTES / 2 ** 20} MB are accepted`);
   let answer;
@@ -22,9 +34,15 @@ async function upload(kind, file) {
   if (!answer.ok) throw new Error(await answer.text());
 }
 
-/** Uploads dropped files: a scene, meshes with their files, or a photo. */
+/**
+ * Uploads dropped files: a scene, meshes with their files, or a photo.
+ *
+ * @param {File[]} files
+ * @param {Pick<Page, "isOpen" | "mayLeave">} page
+ */
 export async function uploadFiles(files, page) {
   try {
+    /** @param {string[]} endings */
     const of = (endings) => files.filter((file) => endings.includes(endingOf(file)));
     const [scene] = of(SCENES);
     const meshes = of(MESHES);
@@ -43,12 +61,16 @@ export async function uploadFiles(files, page) {
     if (photos.length > 1) throw new Error("more than one photo: use the fields for photo, depth and panorama");
     throw new Error(`${files.map((file) => file.name).join(", ")}: not a photo, a scene or a mesh (GLB, glTF, OBJ, PLY, STL)`);
   } catch (error) {
-    showMessage(error.message, true);
+    showMessage(messageOf(error), true);
     return undefined;
   }
 }
 
-/** Listens for dropped files and the form to open a photo or scene. Provides `page.pickFile`. */
+/**
+ * Listens for dropped files and the form to open a photo or scene. Provides `page.pickFile`.
+ *
+ * @param {Page} page
+ */
 export function listenForFiles(page) {
   const hint = byId("drop-hint");
   document.addEventListener("dragover", (event) => {
@@ -61,36 +83,41 @@ export function listenForFiles(page) {
   document.addEventListener("drop", (event) => {
     event.preventDefault();
     hint.hidden = true;
-    const files = [...event.dataTransfer.files];
+    const files = [...(event.dataTransfer?.files ?? [])];
     if (files.length) uploadFiles(files, page);
   });
 
   const picker = element("input", { type: "file", multiple: true, accept: [...MESHES, "mtl", "bin", "png", "jpg", "jpeg"].map((ending) => `.${ending}`).join(",") });
   picker.onchange = () => {
-    uploadFiles([...picker.files], page);
+    uploadFiles([...(picker.files ?? [])], page);
     picker.value = "";
   };
   page.pickFile = () => picker.click();
 
   byId("open").onsubmit = async (event) => {
     event.preventDefault();
-    const [main] = byId("open-main").files;
+    const [main] = byId("open-main").files ?? [];
     if (!main) return showMessage("choose a photo or a scene file first", true);
     try {
       if (SCENES.includes(endingOf(main))) return await upload("scene", main);
-      for (const kind of ["depth", "depth-model", "panorama"]) {
-        for (const file of byId(`open-${kind}`).files) {
+      for (const kind of /** @type {const} */ (["depth", "depth-model", "panorama"])) {
+        for (const file of byId(`open-${kind}`).files ?? []) {
           await upload(endingOf(file) === "toml" ? "depth-model-config" : kind, file);
         }
       }
       return await upload("photo", main);
     } catch (error) {
-      return showMessage(error.message, true);
+      return showMessage(messageOf(error), true);
     }
   };
 }
 
-/** Downloads a file of the program through the browser. */
+/**
+ * Downloads a file of the program through the browser.
+ *
+ * @param {string} file
+ * @param {string} query
+ */
 export async function save(file, query) {
   try {
     const answer = await fetch(`download/${file}${query}`);
@@ -99,6 +126,6 @@ export async function save(file, query) {
     element("a", { href: address, download: file }).click();
     setTimeout(() => URL.revokeObjectURL(address), 10000);
   } catch (error) {
-    showMessage(error.message, true);
+    showMessage(messageOf(error), true);
   }
 }

@@ -21,6 +21,7 @@ pub const EXPOSURES_EV: RangeInclusive<f32> = -20.0..=20.0;
 
 /// A message from the page.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum FromPage {
     /// Executes a command as one step of the history.
@@ -82,6 +83,7 @@ pub enum FromPage {
 
 /// A message from the server.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(tag = "type", rename_all = "kebab-case")]
 pub enum ToPage {
     /// The first message.
@@ -208,6 +210,7 @@ pub enum ToPage {
 
 /// An open scene.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct SceneInfo {
     /// Unique number of the opened scene.
     pub scene: u64,
@@ -231,6 +234,7 @@ pub struct SceneInfo {
 
 /// A material preset.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct Preset {
     /// Name.
     pub name: &'static str,

@@ -1,9 +1,8 @@
 //! Controls a headless Chromium of the system through its DevTools protocol
 //! (<https://chromedevtools.github.io/devtools-protocol/>).
 
-use std::io::Write;
 use std::net::TcpStream;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
@@ -12,7 +11,9 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use tungstenite::{Message, WebSocket};
 
-/// Names of Chromium; the first one found in the path is used.
+use crate::support::programs::program;
+
+/// Names of Chromium and Chrome; the first one found is used.
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
 /// Maximum duration of an operation.
@@ -35,21 +36,12 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// Starts a browser without WebGL. Without an installed browser, prints that `untested` is skipped and returns
-    /// `None`.
+    /// Starts a browser without WebGL. `None` if no browser is installed, which skips `untested`; see [`program`].
     pub fn start(untested: &str) -> Option<Self> {
-        let path = std::env::var_os("PATH").unwrap_or_default();
-        let mut places = std::env::split_paths(&path).flat_map(|folder| NAMES.map(|name| folder.join(name)));
-        let Some(program) = places.find(|place| place.is_file()) else {
-            let names = NAMES.join(", ");
-            let _ =
-                writeln!(std::io::stderr().lock(), "\nSKIPPED: {untested}: there is no browser ({names}) in the path");
-            return None;
-        };
-        Some(Self::launch(&program))
+        program(&NAMES, untested).map(|path| Self::launch(&path))
     }
 
-    fn launch(program: &PathBuf) -> Self {
+    fn launch(program: &Path) -> Self {
         let profile = tempfile::tempdir().unwrap();
         let child = std::process::Command::new(program)
             .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-3d-apis", "--disable-dev-shm-usage"])

@@ -1,6 +1,7 @@
 //! Runs the program as a user does.
 
 pub mod browser;
+pub mod programs;
 pub mod run;
 pub mod tls_proxy;
 pub mod view;

@@ -1,12 +1,12 @@
 //! nginx as a TLS proxy before the viewer, configured as in `docs/viewer.md`.
 
-use std::io::Write;
 use std::net::{TcpListener, TcpStream};
-use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use tempfile::TempDir;
+
+use crate::support::programs::program;
 
 /// A running nginx; it is killed on drop.
 pub struct TlsProxy {
@@ -19,12 +19,10 @@ pub struct TlsProxy {
 }
 
 impl TlsProxy {
-    /// Starts nginx with a certificate of its own. `None`, with a message, if nginx or openssl is missing.
+    /// Starts nginx with a certificate of its own. `None` if nginx or openssl is missing, which skips `untested`; see
+    /// [`program`].
     pub fn start(untested: &str) -> Option<Self> {
-        let (Some(nginx), Some(openssl)) = (program("nginx"), program("openssl")) else {
-            let _ = writeln!(std::io::stderr().lock(), "\nSKIPPED: {untested}: nginx or openssl is not installed");
-            return None;
-        };
+        let (nginx, openssl) = (program(&["nginx"], untested)?, program(&["openssl"], untested)?);
         let folder = tempfile::tempdir().unwrap();
         let certificate = Command::new(openssl)
             .current_dir(folder.path())
@@ -75,13 +73,6 @@ impl Drop for TlsProxy {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
-}
-
-/// Looks a program up in the path and in the system folders.
-fn program(name: &str) -> Option<PathBuf> {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let folders = std::env::split_paths(&path).chain(["/usr/sbin".into(), "/usr/local/sbin".into()]);
-    folders.map(|folder| folder.join(name)).find(|file| file.is_file())
 }
 
 fn free_port() -> u16 {

@@ -11,6 +11,7 @@ use crate::{Align, Base, Ground, InsertError, Placement};
 ///                {"time_s": 1, "pixel": [320, 400], "yaw_deg": 90}]}
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(deny_unknown_fields)]
 pub struct Path {
     /// Interpolation of positions and yaw between keyframes.
@@ -22,6 +23,7 @@ pub struct Path {
 
 /// Interpolation between keyframes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Interpolation {
     /// Piecewise linear.
@@ -33,6 +35,7 @@ pub enum Interpolation {
 
 /// Position and yaw at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS), ts(optional_fields))]
 #[serde(deny_unknown_fields)]
 pub struct Keyframe {
     /// Time in seconds.

@@ -23,6 +23,7 @@ const MIN_PATCH: usize = 5;
 
 /// Alignment of an object's +Y.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Align {
     /// Against gravity; the camera's up if gravity is unknown.
