@@ -299,7 +299,7 @@ fn two_pages_show_the_same() {
     assert_eq!(shown_at_rest(&mut late, |view| !view["objects"].is_null()), gold);
 }
 
-/// What a page shows of a finished change.
+/// A page after a finished change.
 #[derive(Debug, PartialEq)]
 struct Shown {
     /// The session.
