@@ -76,7 +76,7 @@ pub(crate) fn differs_from_even(estimate: &Estimate, choice: &GuessedLight) -> b
 
 /// Extracts the photo's shading, to which inferred light is fitted.
 pub(crate) fn observed_shading(estimate: &Estimate) -> ObservedShading {
-    ObservedShading::new(estimate.surface().clone(), estimate.up())
+    ObservedShading::new(estimate.surface().clone(), estimate.surface_normals(), estimate.up())
 }
 
 /// Returns the octree in a light that [differs from even light](differs_from_even). `white` is from [`white_tint`].

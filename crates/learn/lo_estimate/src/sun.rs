@@ -69,7 +69,7 @@ pub fn supported_sun(estimate: &Estimate, object: [f64; 2], shadow: [f64; 2]) ->
 /// At an edge of a patch on any diffuse surface, the radiances in sun and shade have the ratio (E + S cos θ) / E. E is
 /// the irradiance of the shade in plausible light, S the sun's irradiance at normal incidence.
 pub fn sun_from_photo(estimate: &Arc<Estimate>, direction: Vec3, angular_radius_deg: f32) -> Option<PhotoSun> {
-    let sunlit = Sunlit::new(estimate.surface(), direction)?;
+    let sunlit = Sunlit::new(estimate.surface(), estimate.surface_normals(), direction)?;
     let (lit, _) = plausible_light(estimate);
     let faces = |edge: &&SunEdge| edge.normal.dot(direction) > MIN_COSINE;
     let edges: Vec<&SunEdge> = sunlit.edges().iter().filter(faces).collect();

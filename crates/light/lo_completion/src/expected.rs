@@ -419,7 +419,8 @@ mod tests {
         let camera = Camera::from_hfov_deg(77.0, 480, 320).unwrap();
         let photo = Photo::Linear(RadianceImage::from_fn(480, 320, |_, _| [0.3; 3]));
         let frame = Frame::new(photo, DepthMap::from_fn(480, 320, |_, _| HALF_M), camera, 1.0).unwrap();
-        (light, ObservedShading::new(frame, Vec3::Y))
+        let normals = frame.normals();
+        (light, ObservedShading::new(frame, &normals, Vec3::Y))
     }
 
     /// Direction of most of the expected light: above to the right.

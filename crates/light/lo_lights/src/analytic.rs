@@ -40,9 +40,10 @@ impl AnalyticLights {
     pub fn of(scene: &LitScene) -> Option<Self> {
         let edited = scene.edited.as_ref().filter(|edited| !edited.lights.is_empty())?;
         let sun = |light: &AnalyticLight| match light.shape {
-            LightShape::Sun { direction, of_photo, .. } => {
-                Some((direction, if of_photo { Sunlit::new(scene.surface(), direction) } else { None }))
-            }
+            LightShape::Sun { direction, of_photo, .. } => Some((
+                direction,
+                if of_photo { Sunlit::new(scene.surface(), scene.surface_normals(), direction) } else { None },
+            )),
             _ => None,
         };
         Some(Self {

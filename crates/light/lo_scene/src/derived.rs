@@ -1,5 +1,8 @@
 use std::sync::OnceLock;
 
+use lo_geometry::Vec3;
+use lo_imaging::Image;
+
 use crate::Frame;
 
 /// Cache of values computed from an estimate. It is not part of the estimate: clones start empty, and comparisons
@@ -7,6 +10,7 @@ use crate::Frame;
 #[derive(Debug, Default)]
 pub struct Derived {
     pub(crate) surface: OnceLock<Frame>,
+    pub(crate) surface_normals: OnceLock<Image<Option<Vec3>>>,
 }
 
 impl Clone for Derived {

@@ -1,4 +1,5 @@
 use lo_geometry::Vec3;
+use lo_imaging::Image;
 use lo_octree::LightOctree;
 
 use crate::derived::Derived;
@@ -70,5 +71,10 @@ impl Estimate {
     /// Returns the observed surface: the frame at working resolution without flying pixels. Computed once.
     pub fn surface(&self) -> &Frame {
         self.derived.surface.get_or_init(|| self.frame.working().without_flying_pixels())
+    }
+
+    /// Returns [`Frame::normals`] of the observed surface. Computed once.
+    pub fn surface_normals(&self) -> &Image<Option<Vec3>> {
+        self.derived.surface_normals.get_or_init(|| self.surface().normals())
     }
 }

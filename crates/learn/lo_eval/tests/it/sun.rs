@@ -52,7 +52,7 @@ fn is_lit(model: &PreparedModel, view: &CameraPose, sun: Vec3, (x, y): (usize, u
 
 /// Returns the intersection over union of true and detected sun patches; 0 if none is detected.
 fn overlap(truth: &Image<Option<bool>>, scene: &Estimate, sun: Vec3) -> f64 {
-    let Some(found) = Sunlit::new(scene.surface(), sun) else { return 0.0 };
+    let Some(found) = Sunlit::new(scene.surface(), scene.surface_normals(), sun) else { return 0.0 };
     let lit = found.lit();
     let (mut both, mut one) = (0.0, 0.0);
     for y in 0..truth.height() {

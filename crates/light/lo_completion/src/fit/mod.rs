@@ -17,7 +17,7 @@ use std::borrow::Cow;
 
 use lo_events::Warning;
 use lo_geometry::Vec3;
-use lo_imaging::{RadianceImage, luminance};
+use lo_imaging::{Image, RadianceImage, luminance};
 use lo_octree::{LeafNode, LightOctree};
 use lo_scene::Frame;
 
@@ -115,12 +115,11 @@ pub struct ObservedShading {
 }
 
 impl ObservedShading {
-    /// Prepares a frame at working resolution ([`Frame::working`]) without flying pixels. `up` is the direction against
-    /// gravity in its camera's frame.
-    pub fn new(frame: Frame, up: Vec3) -> Self {
-        let normals = frame.normals();
-        let restored = highlights::restore_highlights(&frame, &normals, up).0;
-        let samples = shading_samples(&frame, &normals, &restored);
+    /// Prepares a frame at working resolution ([`Frame::working`]) without flying pixels, with its [`Frame::normals`].
+    /// `up` is the direction against gravity in its camera's frame.
+    pub fn new(frame: Frame, normals: &Image<Option<Vec3>>, up: Vec3) -> Self {
+        let restored = highlights::restore_highlights(&frame, normals, up).0;
+        let samples = shading_samples(&frame, normals, &restored);
         Self { frame, up, restored, samples }
     }
 }
@@ -291,7 +290,7 @@ mod tests {
     const ALBEDO: f32 = 0.6;
 
     fn shading(frame: &Frame) -> ObservedShading {
-        ObservedShading::new(frame.clone(), Vec3::Y)
+        ObservedShading::new(frame.clone(), &frame.normals(), Vec3::Y)
     }
 
     /// A cubic room around a camera that looks at its far wall. The left wall has a square lamp of this radiance,

@@ -74,14 +74,15 @@ impl Sunlit {
     /// Finds sunlit surfaces from the edges of sun patches. `sun` is the unit vector towards the sun. Returns `None` if
     /// there are too few edges.
     ///
-    /// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels.
-    pub fn new(seen: &Frame, sun: Vec3) -> Option<Self> {
-        let (radiance, normals) = (seen.radiance(), seen.normals());
+    /// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels, with its
+    /// [`Frame::normals`].
+    pub fn new(seen: &Frame, normals: &Image<Option<Vec3>>, sun: Vec3) -> Option<Self> {
+        let radiance = seen.radiance();
         if (radiance.width(), radiance.height()) != (normals.width(), normals.height()) {
             return None;
         }
         let log = log_luminance(&radiance);
-        let edges = edges(seen, &log, &normals, sun);
+        let edges = edges(seen, &log, normals, sun);
         if edges.len() < MIN_EDGES {
             return None;
         }
@@ -208,9 +209,14 @@ mod tests {
         Frame::new(Photo::Linear(photo), depth_m, camera(), 1.0).unwrap()
     }
 
+    fn found(ratio: f32, sun: Vec3) -> Option<Sunlit> {
+        let seen = frame(ratio);
+        Sunlit::new(&seen, &seen.normals(), sun)
+    }
+
     fn sunlit() -> &'static Sunlit {
         static SUNLIT: OnceLock<Sunlit> = OnceLock::new();
-        SUNLIT.get_or_init(|| Sunlit::new(&frame(6.0), SUN).unwrap())
+        SUNLIT.get_or_init(|| found(6.0, SUN).unwrap())
     }
 
     #[test]
@@ -235,9 +241,9 @@ mod tests {
 
     #[test]
     fn without_patches_there_is_nothing() {
-        assert_eq!(Sunlit::new(&frame(1.0), SUN), None);
+        assert_eq!(found(1.0, SUN), None);
         // Seen from below the floor, nothing faces the sun.
-        assert_eq!(Sunlit::new(&frame(6.0), -SUN), None);
+        assert_eq!(found(6.0, -SUN), None);
     }
 
     proptest! {

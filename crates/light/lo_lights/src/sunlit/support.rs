@@ -69,7 +69,7 @@ impl ShadowSupport {
 /// bright side passes beside it.
 pub fn shadow_support(scene: &Estimate, sun: Vec3, shadow: [f64; 2]) -> ShadowSupport {
     let seen = scene.surface();
-    let (radiance, normals) = (seen.radiance(), seen.normals());
+    let (radiance, normals) = (seen.radiance(), scene.surface_normals());
     if (radiance.width(), radiance.height()) != (normals.width(), normals.height()) {
         return ShadowSupport::default();
     }
@@ -77,7 +77,7 @@ pub fn shadow_support(scene: &Estimate, sun: Vec3, shadow: [f64; 2]) -> ShadowSu
     let scale = width / scene.frame.camera.width as f32;
     let [x, y] = shadow.map(|along| along as f32 * scale);
     let is_near = |edge: &Edge| (edge.lit.pixel.0 as f32 - x).hypot(edge.lit.pixel.1 as f32 - y) < NEAR * width;
-    let mut near = edges(seen, &log_luminance(&radiance), &normals, sun);
+    let mut near = edges(seen, &log_luminance(&radiance), normals, sun);
     near.retain(is_near);
     let counted =
         ShadowSupport { edges: near.len(), measured: !scene.origin.predicted_depth, ..ShadowSupport::default() };
