@@ -10,6 +10,7 @@ mod documents;
 mod features;
 mod long;
 mod prose;
+mod publish;
 mod rings;
 mod width;
 mod words;
@@ -26,12 +27,13 @@ struct Check {
     is_enforced: bool,
 }
 
-const CHECKS: [Check; 8] = [
+const CHECKS: [Check; 9] = [
     Check { name: "dependencies", problems: dependencies::problems, is_enforced: true },
     Check { name: "doc-tests", problems: doc_tests::problems, is_enforced: true },
     Check { name: "documents", problems: documents::problems, is_enforced: true },
     Check { name: "deny", problems: deny::problems, is_enforced: true },
     Check { name: "features", problems: features::problems, is_enforced: true },
+    Check { name: "publish", problems: publish::problems, is_enforced: true },
     Check { name: "words", problems: words::problems, is_enforced: true },
     Check { name: "width", problems: width::problems, is_enforced: true },
     Check { name: "rings", problems: rings::problems, is_enforced: true },

@@ -31,6 +31,8 @@ pub struct Package {
     pub renamed: BTreeSet<String>,
     /// Dependencies from outside of the workspace that accept any version.
     pub wildcards: BTreeSet<String>,
+    /// Whether `cargo publish --workspace` publishes it.
+    pub is_published: bool,
 }
 
 /// A target that cargo builds.
@@ -110,6 +112,8 @@ struct Raw {
     manifest_path: PathBuf,
     targets: Vec<Target>,
     dependencies: Vec<Dependency>,
+    /// The registries to which it may be published; all if absent.
+    publish: Option<Vec<String>>,
 }
 
 #[derive(Deserialize)]
@@ -140,7 +144,17 @@ fn package(raw: Raw, root: &Path) -> anyhow::Result<Package> {
     let dev_dependencies = of_kind(true).filter(|name| !dependencies.contains(name)).collect();
     let renamed = members.iter().filter_map(|member| member.rename.clone()).collect();
     let wildcards = others.iter().filter(|other| other.req == "*").map(|other| other.name.clone()).collect();
-    Ok(Package { name: raw.name, folder, targets: raw.targets, dependencies, dev_dependencies, renamed, wildcards })
+    let is_published = raw.publish.is_none_or(|registries| !registries.is_empty());
+    Ok(Package {
+        name: raw.name,
+        folder,
+        targets: raw.targets,
+        dependencies,
+        dev_dependencies,
+        renamed,
+        wildcards,
+        is_published,
+    })
 }
 
 #[cfg(test)]
@@ -158,7 +172,7 @@ mod tests {
                 {"name": "c", "kind": "dev", "rename": null, "path": "/root/crates/c", "req": "*"},
                 {"name": "serde", "kind": null, "rename": null, "req": "^1.0"},
                 {"name": "toml", "kind": "build", "rename": null, "req": "*"}
-            ]}]}"#;
+            ], "publish": []}]}"#;
         let package = packages(metadata, Path::new("/root")).unwrap().remove(0);
         let names = |set: &BTreeSet<String>| set.iter().cloned().collect::<Vec<_>>().join(" ");
         assert_eq!(
@@ -167,6 +181,8 @@ mod tests {
         );
         assert_eq!((names(&package.dependencies), names(&package.dev_dependencies)), ("b".into(), "c".into()));
         assert_eq!((names(&package.renamed), names(&package.wildcards)), ("beta".into(), "toml".into()));
+        assert!(!package.is_published);
+        assert!(packages(&metadata.replace("[]", "null"), Path::new("/root")).unwrap().remove(0).is_published);
         assert!(packages(metadata, Path::new("/elsewhere")).is_err());
     }
 }

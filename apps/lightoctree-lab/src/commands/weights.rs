@@ -1,4 +1,4 @@
-//! `lightoctree-lab weights`: averages, merges and inspects weights files.
+//! `lightoctree-lab weights`: averages, merges, splits, joins and inspects weights files.
 
 use std::path::PathBuf;
 
@@ -10,6 +10,8 @@ use lo_train::weight_files;
 #[command(after_help = "Examples:\n  \
     lightoctree-lab weights average run-1/weights.safetensors run-2/weights.safetensors -o mean.safetensors\n  \
     lightoctree-lab weights merge --depth depth/weights.safetensors --light light/weights.safetensors -o both.safetensors\n  \
+    lightoctree-lab weights split both.safetensors --encoder encoder.safetensors --heads heads.safetensors\n  \
+    lightoctree-lab weights join encoder.safetensors heads.safetensors -o both.safetensors\n  \
     lightoctree-lab weights inspect both.safetensors\n\n\
     All commands also accept the checkpoint.safetensors of a run and use its averaged weights. Weights are written in 16 \
     bits.")]
@@ -37,6 +39,28 @@ enum Action {
         /// File with the light network
         #[arg(long, value_name = "FILE")]
         light: PathBuf,
+        #[command(flatten)]
+        to: OutputFile,
+    },
+    /// Write the two files that ship: the image encoder, and all other weights
+    Split {
+        /// Weights file or checkpoint
+        file: PathBuf,
+        /// Output file for the image encoder
+        #[arg(long, value_name = "FILE")]
+        encoder: PathBuf,
+        /// Output file for all other weights
+        #[arg(long, value_name = "FILE")]
+        heads: PathBuf,
+        /// Overwrite any existing files
+        #[arg(long)]
+        force: bool,
+    },
+    /// Combine the files that `split` wrote
+    Join {
+        /// Parts of the weights
+        #[arg(required = true, num_args = 2.., value_name = "FILE")]
+        parts: Vec<PathBuf>,
         #[command(flatten)]
         to: OutputFile,
     },
@@ -74,6 +98,20 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Action::Merge { depth, light, to } => {
             output::check_replaceable(&to.output, COMMAND, to.force)?;
             weight_files::merge(depth, light, &to.output)?;
+            report::print(&to.output.display().to_string());
+        }
+        Action::Split { file, encoder, heads, force } => {
+            for output in [encoder, heads] {
+                output::check_replaceable(output, COMMAND, *force)?;
+            }
+            weight_files::split(file, encoder, heads)?;
+            for output in [encoder, heads] {
+                report::print(&output.display().to_string());
+            }
+        }
+        Action::Join { parts, to } => {
+            output::check_replaceable(&to.output, COMMAND, to.force)?;
+            weight_files::join(parts, &to.output)?;
             report::print(&to.output.display().to_string());
         }
         Action::Inspect { file, json } => {

@@ -136,7 +136,7 @@ fn configurations_are_printed_and_checked() {
 }
 
 #[test]
-fn weights_are_averaged_merged_and_inspected() {
+fn weights_are_averaged_merged_split_joined_and_inspected() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     crate::support::weights::write_weights(at);
@@ -146,7 +146,12 @@ fn weights_are_averaged_merged_and_inspected() {
     done(at, &["weights", "average", "weights.safetensors", "weights.safetensors", "-o", "mean.safetensors"]);
     let both = ["--depth", "mean.safetensors", "--light", "weights.safetensors"];
     done(at, &[&["weights", "merge"], &both[..], &["-o", "merged.safetensors"]].concat());
-    for file in ["mean.safetensors", "merged.safetensors"] {
+    let parts = ["encoder.safetensors", "heads.safetensors"];
+    let split = ["weights", "split", "merged.safetensors", "--encoder", parts[0], "--heads", parts[1]];
+    done(at, &split);
+    assert!(refused(at, 2, &split).contains("overwrite it with --force"));
+    done(at, &["weights", "join", parts[0], parts[1], "-o", "joined.safetensors"]);
+    for file in ["mean.safetensors", "merged.safetensors", "joined.safetensors"] {
         assert_eq!(of(file)["sha256"], first["sha256"], "{file}");
     }
     let text = done(at, &["weights", "inspect", "merged.safetensors"]);

@@ -62,9 +62,42 @@ pub enum CheckpointError {
         /// Weights that are missing, surplus or of another shape.
         problems: Vec<String>,
     },
+    /// Two parts of one checkpoint overlap.
+    #[error("two parts of the weights have {what}")]
+    Overlap {
+        /// A tensor, or the state.
+        what: String,
+    },
 }
 
 impl Checkpoint {
+    /// Joins the parts of one checkpoint. At most one of them has a state.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Overlap`] if two parts have the same tensor, or a state.
+    pub fn joined(parts: impl IntoIterator<Item = Self>) -> Result<Self, CheckpointError> {
+        let mut joined = Self::default();
+        for mut part in parts {
+            if let Some(name) = part.tensors.keys().find(|name| joined.has(name)) {
+                return Err(CheckpointError::Overlap { what: format!("the tensor \"{name}\"") });
+            }
+            if !joined.state.is_null() && !part.state.is_null() {
+                return Err(CheckpointError::Overlap { what: "a state".to_owned() });
+            }
+            joined.tensors.append(&mut part.tensors);
+            if joined.state.is_null() {
+                joined.state = part.state;
+            }
+        }
+        Ok(joined)
+    }
+
+    /// Moves a module's tensors into a checkpoint without a state, the inverse of [`Checkpoint::joined`].
+    pub fn split_off(&mut self, module: &str) -> Self {
+        let is_own = |name: &String| name.strip_prefix(module).is_some_and(|rest| rest.starts_with('.'));
+        Self { tensors: self.tensors.extract_if(.., |name, _| is_own(name)).collect(), ..Self::default() }
+    }
+
     /// Adds a module's parameters and running statistics under a name.
     pub fn add_module<M: Module>(&mut self, name: &str, module: &M) {
         // `valid` applies the last update of the running statistics, which burn's batch normalisation defers until
@@ -351,6 +384,21 @@ mod tests {
         );
         let error = saved.load_adam("none").unwrap_err().to_string();
         assert!(error.contains("\"none.steps\" is missing"), "{error}");
+    }
+
+    #[test]
+    fn parts_are_joined_to_the_whole() {
+        let whole = checkpoint(&head(4, 1), &Adam::default());
+        let mut rest = whole.clone();
+        let hidden = rest.split_off("net.hidden");
+        assert!(hidden.shapes().all(|(name, _)| name.starts_with("net.hidden.")) && hidden.state.is_null());
+        assert!(hidden.shapes().count() > 0 && !rest.shapes().any(|(name, _)| hidden.has(name)));
+        assert_eq!(Checkpoint::joined([hidden.clone(), rest.clone()]).unwrap(), whole);
+
+        let error = Checkpoint::joined([hidden.clone(), rest.clone(), hidden]).unwrap_err().to_string();
+        assert!(error.starts_with("two parts of the weights have the tensor \"net.hidden."), "{error}");
+        let other = Checkpoint { state: whole.state, ..Checkpoint::default() };
+        assert_eq!(Checkpoint::joined([rest, other]).unwrap_err().to_string(), "two parts of the weights have a state");
     }
 
     #[test]

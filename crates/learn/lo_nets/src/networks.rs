@@ -170,12 +170,15 @@ impl Networks {
         Self::from_checkpoint(Checkpoint::read(path)?, &Device::flex())
     }
 
-    /// Reads weights from memory, as [`Networks::read`] does from a file. Error messages use `name` as the path.
+    /// Reads weights that consist of files in memory, as [`Networks::read`] does from one file. Error messages use the
+    /// names as paths.
     ///
     /// # Errors
-    /// As [`Networks::read`].
-    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, CheckpointError> {
-        Self::from_checkpoint(Checkpoint::from_bytes(bytes, name)?, &Device::flex())
+    /// As [`Networks::read`], and files that overlap.
+    pub fn from_parts(parts: &[(&str, &[u8])]) -> Result<Self, CheckpointError> {
+        let parts: Vec<_> =
+            parts.iter().map(|(name, bytes)| Checkpoint::from_bytes(bytes, name)).collect::<Result<_, _>>()?;
+        Self::from_checkpoint(Checkpoint::joined(parts)?, &Device::flex())
     }
 
     /// Writes a file of weights atomically.

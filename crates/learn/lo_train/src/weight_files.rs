@@ -1,4 +1,4 @@
-//! Averages, merges and inspects weights files.
+//! Averages, merges, splits, joins and inspects weights files.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use lo_nets::checkpoint::{Checkpoint, CheckpointError, Precision};
 use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
-use lo_nets::{DEPTH_NET, Device, LIGHT_NET, Networks};
+use lo_nets::{DEPTH_NET, Device, EXPECTED_NET, LIGHT_NET, Networks};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
@@ -106,6 +106,34 @@ pub fn merge(depth: &Path, light: &Path, to: &Path) -> Result<(), WeightsError> 
     merged.state[DEPTH_NET] = from_depth.state[DEPTH_NET].clone();
     merged.state[LIGHT_NET] = from_light.state[LIGHT_NET].clone();
     write(merged, to)
+}
+
+/// Writes the networks of a file as the two files that ship, in 16 bits: the image encoder, and everything else.
+///
+/// Each of them is a crate of its own, because a registry accepts packages of at most 10 MB.
+///
+/// # Errors
+/// Unreadable files; files without both networks complete.
+pub fn split(file: &Path, encoder: &Path, heads: &Path) -> Result<(), WeightsError> {
+    let mut all = Checkpoint::read(file)?;
+    let mut networks = Checkpoint::joined([DEPTH_NET, LIGHT_NET, EXPECTED_NET].map(|network| all.split_off(network)))?;
+    for network in [DEPTH_NET, LIGHT_NET] {
+        networks.state[network] = all.state[network].take();
+    }
+    Networks::from_checkpoint(networks.clone(), &Device::flex())?;
+    networks.split_off(&format!("{DEPTH_NET}.encoder")).write(encoder, Precision::Half)?;
+    Ok(networks.write(heads, Precision::Half)?)
+}
+
+/// Writes the networks of which `parts` are the parts as one weights file, in 16 bits: the inverse of [`split`].
+///
+/// # Errors
+/// Unreadable files; parts that overlap or are incomplete.
+pub fn join(parts: &[PathBuf], to: &Path) -> Result<(), WeightsError> {
+    let parts: Vec<Checkpoint> = parts.iter().map(Checkpoint::read).collect::<Result<_, _>>()?;
+    let joined = Checkpoint::joined(parts)?;
+    Networks::from_checkpoint(joined.clone(), &Device::flex())?;
+    Ok(joined.write(to, Precision::Half)?)
 }
 
 /// Summary of a weights file.

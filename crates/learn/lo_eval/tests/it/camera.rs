@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use lo_dataset::{CropModel, Dataset, Panoramas, Shards};
-use lo_nets::Networks;
+use lo_estimate::Estimator;
 use lo_sensor::Interval;
 
 use crate::median;
 
 #[test]
-#[ignore = "needs weights: WEIGHTS=… [PANORAMAS=…] cargo test --release -p lo_eval --test it cameras_of_panoramas -- --ignored --nocapture"]
+#[ignore = "needs panoramas: [PANORAMAS=…] [WEIGHTS=…] cargo test --release -p lo_eval --test it cameras_of_panoramas -- --ignored --nocapture"]
 fn cameras_of_panoramas() {
     let folder = std::env::var_os("PANORAMAS").map_or_else(lo_testdata::panoramas, PathBuf::from);
     for even_sharpness in [false, true] {
@@ -27,16 +27,18 @@ fn cameras_of_panoramas() {
 }
 
 #[test]
-#[ignore = "needs weights and rooms: WEIGHTS=… ROOMS=… cargo test --release -p lo_eval --test it cameras_of_rooms -- --ignored --nocapture"]
+#[ignore = "needs rooms: ROOMS=… [WEIGHTS=…] cargo test --release -p lo_eval --test it cameras_of_rooms -- --ignored --nocapture"]
 fn cameras_of_rooms() {
     report(&Shards::open(&PathBuf::from(std::env::var_os("ROOMS").unwrap())).unwrap(), "");
 }
 
-/// Prints the errors of predicted up and field of view by the networks of `WEIGHTS`, beside a level camera and 65°.
+/// Prints the errors of predicted up and field of view, beside a level camera and 65°. The networks are those of the
+/// file `WEIGHTS`, or the shipped ones.
 ///
 /// Also prints the share of errors within the predicted deviations.
 fn report(photos: &dyn Dataset, what: &str) {
-    let networks = Networks::read(std::env::var_os("WEIGHTS").unwrap()).unwrap();
+    let estimator = std::env::var_os("WEIGHTS").map_or_else(Estimator::shipped, Estimator::read).unwrap();
+    let networks = estimator.networks().unwrap();
     let [mut up, mut level, mut fov, mut constant] = [const { Vec::new() }; 4];
     let mut within = [0.0f64; 2];
     for index in 0..photos.len() {

@@ -6,16 +6,6 @@ mod photos;
 mod published;
 mod sun;
 
-use std::path::Path;
-
-use lo_estimate::Estimator;
-
-/// Returns an estimator with the shipped weights.
-fn shipped() -> Estimator {
-    let weights = "../lo_estimate/weights/lightoctree.safetensors";
-    Estimator::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(weights)).unwrap()
-}
-
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]

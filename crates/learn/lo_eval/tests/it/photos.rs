@@ -10,8 +10,6 @@ use lo_metrics::{PsnrCurve, log_rmse, psnr_db, solid_angles_sr};
 use lo_random::RngExt;
 use lo_scene::{Completion, Frame, PosedFrame};
 
-use crate::shipped;
-
 /// Rooms with three photos from about one position, 120° apart.
 ///
 /// One simulated phone takes them with automatic exposure and white balance. Panoramas are in the first photo's view.
@@ -170,7 +168,7 @@ fn three_photos_tell_more_than_one() {
     let depth =
         if std::env::var("PHOTOS_DEPTH").is_ok_and(|depth| depth == "true") { Depth::True } else { Depth::Sensor };
     let rooms = Rooms::new(seed, [452, 339], 64);
-    let estimator = shipped();
+    let estimator = Estimator::shipped().unwrap();
     let mut all: [Vec<[Scores; 4]>; 2] = Default::default();
     for index in from..to {
         let record = rooms.record(index);

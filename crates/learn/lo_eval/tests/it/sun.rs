@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use lo_dataset::{Generator, GeneratorConfig};
-use lo_estimate::{EstimateOptions, Input, sun_from_photo, supported_sun};
+use lo_estimate::{EstimateOptions, Estimator, Input, sun_from_photo, supported_sun};
 use lo_geometry::{Ray, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, luminance};
 use lo_lights::{Sunlit, sun_from_shadow};
@@ -12,7 +12,7 @@ use lo_random::RngExt;
 use lo_scene::{Estimate, Frame};
 use lo_synth::{CameraPose, Interior, Weather};
 
-use crate::{median, shipped};
+use crate::median;
 
 const FAR_M: f32 = 100.0;
 
@@ -74,7 +74,7 @@ fn sun_patches_of_generated_rooms() {
     config.room.weather_weights = [(Weather::Clear, 0.8), (Weather::Sunset, 0.2)].into();
     let seed = std::env::var("SUN_SEED").map_or(7003, |seed| seed.parse().unwrap());
     let generator = Generator::new(seed, config).unwrap();
-    let estimator = shipped();
+    let estimator = Estimator::shipped().unwrap();
     let names = ["true depth", "sensor depth", "photo alone"];
     let [mut overlaps, mut strengths] = [const { [const { Vec::new() }; 3] }; 2];
     for index in 0..60 {
@@ -188,7 +188,7 @@ fn shadows_of_generated_rooms() {
     config.room.weather_weights = weather.into();
     let seed = std::env::var("SUN_SEED").map_or(7103, |seed| seed.parse().unwrap());
     let generator = Generator::new(seed, config).unwrap();
-    let estimator = shipped();
+    let estimator = Estimator::shipped().unwrap();
     let kinds = ["true shadows", "no sun: any pixels", "no sun: edges", "sun: any pixels", "sun: edges"];
     let depths = ["true depth", "photo alone"];
     // By depth and kind: number tested, number accepted.

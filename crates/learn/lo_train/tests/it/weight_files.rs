@@ -1,12 +1,13 @@
-//! Averaging, merging and inspecting weights files.
+//! Averaging, merging, splitting, joining and inspecting weights files.
 
 use std::path::{Path, PathBuf};
 
 use lo_nets::checkpoint::{Checkpoint, Precision};
 use lo_nets::depth::EncoderKind;
+use lo_nets::expected::ExpectedLightNet;
 use lo_nets::light::LightNetConfig;
 use lo_nets::{Device, Networks};
-use lo_train::weight_files::{average, inspect, merge};
+use lo_train::weight_files::{average, inspect, join, merge, split};
 
 fn config() -> LightNetConfig {
     let small =
@@ -58,6 +59,27 @@ fn merging_takes_the_named_parts() {
     }
     assert!(merged.shapes().eq(first.shapes()), "all tensors are there");
     assert_eq!(merged.state, second.state);
+}
+
+#[test]
+fn joined_parts_are_the_file_that_was_split() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut networks = Networks::new(EncoderKind::default(), &config(), 1, &Device::flex()).unwrap();
+    networks.expected = Some(ExpectedLightNet::new(1, &Device::flex()));
+    let [whole, encoder, heads, to] =
+        ["whole", "encoder", "heads", "joined"].map(|name| folder.path().join(name).with_extension("safetensors"));
+    networks.write(&whole, Precision::Half).unwrap();
+    split(&whole, &encoder, &heads).unwrap();
+    let [first, second] = [&encoder, &heads].map(|path| Checkpoint::read(path).unwrap());
+    assert!(first.shapes().all(|(name, _)| name.starts_with("depth_net.encoder.")));
+    assert!(second.has("expected_light.output.weights") && second.values_of("depth_net.encoder") == 0);
+    join(&[encoder.clone(), heads.clone()], &to).unwrap();
+    assert!(std::fs::read(&to).unwrap() == std::fs::read(&whole).unwrap());
+
+    let error = join(&[heads], &to).unwrap_err().to_string();
+    assert!(error.contains("\"depth_net.encoder.") && error.contains("is missing"), "{error}");
+    let error = join(&[whole, encoder], &to).unwrap_err().to_string();
+    assert!(error.contains("two parts of the weights have the tensor \"depth_net.encoder."), "{error}");
 }
 
 #[test]
