@@ -111,6 +111,8 @@ pub use events::{Cancelled, Event, OnEvent, Stage, Warning};
 
 /// Progress, warnings and cancellation of long functions.
 ///
+/// A warning is a [`Warning`] with a message; [`Event::warning`] returns it as the enum that defines it, with its values.
+///
 /// ```no_run
 /// use std::ops::ControlFlow;
 /// use lightoctree::{Document, EstimateOptions, Estimator, Event, Input, imaging};
@@ -121,7 +123,7 @@ pub use events::{Cancelled, Event, OnEvent, Stage, Warning};
 /// let deadline = std::time::Instant::now() + std::time::Duration::from_secs(5);
 /// let mut on_event = |event: Event| {
 ///     if let Event::Warning(warning) = &event {
-///         eprintln!("{warning:?}");
+///         eprintln!("{warning}");
 ///     }
 ///     // Cancels the estimate, which then returns `EstimateError::Cancelled`.
 ///     if std::time::Instant::now() > deadline { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -131,7 +133,11 @@ pub use events::{Cancelled, Event, OnEvent, Stage, Warning};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub mod events {
-    pub use lo_events::{Cancelled, Event, OnEvent, Stage, Warning, ignore};
+    pub use lo_completion::{CompletionWarning, PanoramaWarning};
+    pub use lo_estimate::EstimateWarning;
+    pub use lo_events::{Cancelled, Event, Figure, OnEvent, Stage, Warning, ignore};
+    pub use lo_insert::InsertWarning;
+    pub use lo_nets::light::NetworkWarning;
 }
 
 /// Vectors, cameras and coordinate frames.
