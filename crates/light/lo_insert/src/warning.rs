@@ -40,7 +40,7 @@ pub enum InsertWarning {
 
 impl InsertWarning {
     /// Returns the message with the names of all inserted objects. A single object needs no name.
-    pub fn with_names(&self, names: &[String]) -> impl fmt::Display {
+    pub fn with_names<'a>(&'a self, names: &'a [String]) -> impl fmt::Display + 'a {
         Named { warning: self, names }
     }
 }
