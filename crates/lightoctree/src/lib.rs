@@ -111,7 +111,7 @@ pub use events::{Cancelled, Event, OnEvent, Stage, Warning};
 
 /// Progress, warnings and cancellation of long functions.
 ///
-/// A warning is a [`Warning`] with a message; [`Event::warning`] returns it as the enum that defines it, with its values.
+/// A [`Warning`] has a message. [`Event::warning`] returns it as the enum that defines it, with its values.
 ///
 /// ```no_run
 /// use std::ops::ControlFlow;
