@@ -13,6 +13,7 @@ pub mod output;
 pub mod progress;
 pub mod report;
 pub mod usage;
+mod warning_text;
 
 use std::process::ExitCode;
 

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use indicatif::ProgressBar;
 use lightoctree::Event;
 use lightoctree_cli::interrupt;
-use lightoctree_cli::progress::{bar, stage_label, warning_text};
+use lightoctree_cli::progress::bar;
 
 /// Shows the current stage as a progress bar, and cancels the job after Ctrl-C.
 pub struct StageBar {
@@ -24,11 +24,11 @@ impl StageBar {
         match event {
             Event::Progress { stage, done: 0, total } => {
                 self.bar.finish_and_clear();
-                self.bar = bar(self.quiet, total as usize, &stage_label(&stage));
+                self.bar = bar(self.quiet, total as usize, stage.name());
             }
             Event::Progress { done, .. } => self.bar.set_position(done),
             Event::Warning(warning) if !self.quiet => {
-                self.bar.suspend(|| eprintln!("  note: {}", warning_text(&warning, &[])));
+                self.bar.suspend(|| eprintln!("  note: {warning}"));
             }
             _ => {}
         }

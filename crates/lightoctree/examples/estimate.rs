@@ -26,8 +26,8 @@ pub fn run(photo: &Path, scene: &Path) -> Result<(), Box<dyn Error>> {
     // Receives progress and warnings; `ControlFlow::Break(())` would cancel the estimate.
     let mut on_event = |event| {
         match event {
-            Event::Done { stage, took } => eprintln!("{stage:?} in {took:.1?}"),
-            Event::Warning(warning) => eprintln!("{warning:?}"),
+            Event::Done { stage, took } => eprintln!("{stage}: {took:.1?}"),
+            Event::Warning(warning) => eprintln!("{warning}"),
             _ => {}
         }
         ControlFlow::Continue(())

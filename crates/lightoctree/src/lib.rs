@@ -111,6 +111,8 @@ pub use events::{Cancelled, Event, OnEvent, Stage, Warning};
 
 /// Progress, warnings and cancellation of long functions.
 ///
+/// A [`Warning`] has a message. [`Event::warning`] returns it as the enum that defines it, with its values.
+///
 /// ```no_run
 /// use std::ops::ControlFlow;
 /// use std::time::{Duration, Instant};
@@ -122,7 +124,7 @@ pub use events::{Cancelled, Event, OnEvent, Stage, Warning};
 /// let deadline = Instant::now() + Duration::from_secs(5);
 /// let mut on_event = |event: Event| {
 ///     if let Event::Warning(warning) = &event {
-///         eprintln!("{warning:?}");
+///         eprintln!("{warning}");
 ///     }
 ///     // Cancels the estimate, which then returns `EstimateError::Cancelled`.
 ///     if Instant::now() > deadline { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -132,7 +134,11 @@ pub use events::{Cancelled, Event, OnEvent, Stage, Warning};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub mod events {
-    pub use lo_events::{Cancelled, Event, OnEvent, Stage, Warning, ignore};
+    pub use lo_completion::{CompletionWarning, PanoramaWarning};
+    pub use lo_estimate::EstimateWarning;
+    pub use lo_events::{Cancelled, Event, Figure, OnEvent, Stage, Warning, ignore};
+    pub use lo_insert::InsertWarning;
+    pub use lo_nets::light::NetworkWarning;
 }
 
 /// Vectors, cameras and coordinate frames.

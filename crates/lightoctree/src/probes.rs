@@ -4,6 +4,9 @@ use lo_geometry::Vec3;
 use lo_lookup::SceneRenderer;
 use lo_scene::LitScene;
 
+/// Rendering the panoramas of the probes.
+const PROBES: Stage = Stage::new("probes");
+
 /// Renders the panorama at each point and passes it to `keep`, with the point's index.
 ///
 /// `points` are in metres in the world frame. A panorama is equirectangular with `2 × height` × `height` pixels; its
@@ -23,10 +26,10 @@ pub fn render_probes<E: From<Cancelled>>(
     on_event: OnEvent<'_>,
 ) -> Result<(), E> {
     let renderer = SceneRenderer::new(scene);
-    stage_of_steps(on_event, Stage::Probes, |on_event| {
+    stage_of_steps(on_event, PROBES, |on_event| {
         for (index, &point) in points.iter().enumerate() {
             keep(index, renderer.panorama(point, 2 * height, height))?;
-            progress(on_event, Stage::Probes, index as u64 + 1, points.len() as u64)?;
+            progress(on_event, PROBES, index as u64 + 1, points.len() as u64)?;
         }
         Ok(())
     })

@@ -4,12 +4,13 @@ mod objects;
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use lightoctree::{Document, Estimate, Event, LightPurpose, LitScene, Models, Warning};
 use lo_geometry::{Orientation, Vec3};
 use lo_imaging as imaging;
 use lo_imaging::{ExrOptions, Image, RadianceImage};
-use lo_insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
+use lo_insert::{Composite, InsertError, InsertWarning, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lo_mesh::{Material, PreparedModel};
 use lo_scene::ObjectDisplay;
 use serde_json::json;
@@ -273,7 +274,7 @@ struct Light<'a> {
 }
 
 /// A finished image that replaces one that takes too long, with its warnings.
-type Fallback = (Composite, Vec<Warning>);
+type Fallback = (Composite, Vec<Arc<dyn Warning>>);
 
 impl Light<'_> {
     fn inserter(&self, quality: Quality) -> Result<Inserter, InsertError> {
@@ -367,14 +368,14 @@ impl FrameJob<'_> {
                 ControlFlow::Break(())
             }
             _ if is_single => stages.handle(event),
-            Event::Warning(warning) if reported.is_new(&warning, frame) => stages.handle(Event::Warning(warning)),
+            Event::Warning(warning) if reported.is_new(&*warning, frame) => stages.handle(Event::Warning(warning)),
             _ => interrupt::control_flow(),
         };
         match self.inserter.render(&self.objects.instances(frame), on_event) {
             Err(InsertError::Cancelled(_)) => {
                 let Some((composite, warnings)) = fallback.take() else { return Ok(None) };
                 stages.clear_bar();
-                warnings.iter().for_each(|warning| stages.warn(warning));
+                warnings.iter().for_each(|warning| stages.warn(&**warning));
                 stages.note("rendering at high quality was stopped: this image is of normal quality");
                 Ok(Some(composite))
             }
@@ -392,9 +393,9 @@ struct Reported {
 
 impl Reported {
     /// Whether to print a warning: those of the first frame, and each pair of intersecting objects once.
-    fn is_new(&mut self, warning: &Warning, frame: usize) -> bool {
-        match warning {
-            Warning::ObjectsIntersect { objects } if !self.intersections.contains(objects) => {
+    fn is_new(&mut self, warning: &dyn Warning, frame: usize) -> bool {
+        match warning.downcast_ref() {
+            Some(InsertWarning::ObjectsIntersect { objects }) if !self.intersections.contains(objects) => {
                 self.intersections.push(*objects);
                 true
             }

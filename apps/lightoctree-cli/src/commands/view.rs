@@ -7,14 +7,14 @@ use std::sync::Arc;
 use anyhow::Context;
 #[cfg(feature = "depth-models")]
 use lo_viewer::ReadDepthModel;
-use lo_viewer::{EventText, MakeEstimator, NamedFile, Options, PhotoSource, PublicOrigin, Source};
+use lo_viewer::{MakeEstimator, NamedFile, Options, PhotoSource, PublicOrigin, Source};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
 use super::parse;
 use crate::args::Global;
-use crate::progress::{stage_label, warning_text};
 use crate::usage::Usage;
+use crate::warning_text::warning_text;
 use crate::{interrupt, report};
 
 /// Options of `view`.
@@ -82,7 +82,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         bind: args.bind.unwrap_or(Options::LOOPBACK),
         port: args.port.unwrap_or(0),
         token: args.token.clone(),
-        text: EventText { stage: stage_label, warning: warning_text },
+        warning_text,
         public_origin: args.public_origin.clone(),
         estimator,
         source,

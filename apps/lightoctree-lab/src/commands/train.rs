@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use indicatif::ProgressBar;
 use lightoctree_cli::args::Global;
-use lightoctree_cli::progress::{bar, seconds, stage_label, warning_text};
+use lightoctree_cli::progress::{bar, seconds};
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{interrupt, output, report};
 use lo_events::{Event, Figure, Stage};
-use lo_train::{CHECKPOINT_FILE, InitialWeights, TrainConfig, TrainError, TrainRequest};
+use lo_train::{CHECKPOINT_FILE, InitialWeights, TrainConfig, TrainError, TrainRequest, stages};
 
 use crate::config::{self, ConfigArgs};
 
@@ -100,7 +100,13 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             (None, None, None) => InitialWeights::Random,
         },
     };
-    let mut progress = TrainProgress { quiet: global.quiet, bar: ProgressBar::hidden(), steps: 0, last: Vec::new() };
+    let mut progress = TrainProgress {
+        quiet: global.quiet,
+        phases: config.phase_stages(),
+        bar: ProgressBar::hidden(),
+        steps: 0,
+        last: Vec::new(),
+    };
     let outcome = lo_train::train(&config, &request, &mut |event| {
         progress.handle(event);
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -152,6 +158,8 @@ fn write_config(path: &Path, config: &TrainConfig) -> anyhow::Result<()> {
 /// Shows the events of a run as a progress bar and lines on stderr.
 struct TrainProgress {
     quiet: bool,
+    /// Stages of the training phases.
+    phases: Vec<Stage>,
     bar: ProgressBar,
     /// Steps of this invocation.
     steps: u64,
@@ -162,20 +170,20 @@ struct TrainProgress {
 impl TrainProgress {
     fn handle(&mut self, event: Event) {
         match event {
-            Event::Begun(stage @ Stage::Training(_)) => {
+            Event::Begun(stage) if self.phases.contains(&stage) => {
                 self.bar.finish_and_clear();
-                self.bar = bar(self.quiet, 0, &stage_label(&stage));
+                self.bar = bar(self.quiet, 0, stage.name());
             }
-            Event::Progress { stage: stage @ Stage::Training(_), done, total } => {
+            Event::Progress { stage, done, total } if self.phases.contains(&stage) => {
                 if self.bar.length() != Some(total) {
-                    self.print(&format!("{}: {total} steps", stage_label(&stage)));
+                    self.print(&format!("{stage}: {total} steps"));
                     self.bar.set_length(total);
                     self.bar.set_position(done);
                     self.bar.reset_eta();
                 }
                 self.bar.set_position(done);
             }
-            Event::Figures { stage: Stage::Validation, figures: found } => {
+            Event::Figures { stage, figures: found } if stage == stages::VALIDATION => {
                 self.print(&format!("validation{}", figures(&found)));
                 self.last = found;
             }
@@ -184,10 +192,10 @@ impl TrainProgress {
                 let losses = figures.iter().map(|loss| format!("{} {:.3}", loss.name, loss.value));
                 self.bar.set_message(losses.collect::<Vec<_>>().join(", "));
             }
-            Event::Done { stage: stage @ Stage::Checkpoint, took } => {
-                tracing::debug!("{} written in {}", stage_label(&stage), seconds(took));
+            Event::Done { stage, took } if stage == stages::CHECKPOINT => {
+                tracing::debug!("{stage} written in {}", seconds(took));
             }
-            Event::Warning(warning) => self.print(&format!("note: {}", warning_text(&warning, &[]))),
+            Event::Warning(warning) => self.print(&format!("note: {warning}")),
             _ => {}
         }
     }

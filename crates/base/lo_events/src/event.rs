@@ -1,12 +1,11 @@
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-use serde::Serialize;
 
 use crate::{Stage, Warning};
 
 /// An event of a running job.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Event {
     /// A stage has begun.
@@ -35,11 +34,11 @@ pub enum Event {
         figures: Vec<Figure>,
     },
     /// A problem or an assumption that the user should know about.
-    Warning(Warning),
+    Warning(Arc<dyn Warning>),
 }
 
 /// A named number.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figure {
     /// Name, with the unit if there is one: `psnr_db`, `depth_abs_rel`, `octree`.
     pub name: &'static str,
@@ -55,6 +54,14 @@ impl Event {
             Self::Progress { done, total, .. } => Some(if *total == 0 { 1.0 } else { *done as f64 / *total as f64 }),
             Self::Done { .. } => Some(1.0),
             Self::Figures { .. } | Self::Warning(_) => None,
+        }
+    }
+
+    /// Returns the warning of type `T`; `None` for other warnings and other events.
+    pub fn warning<T: Warning>(&self) -> Option<&T> {
+        match self {
+            Self::Warning(warning) => warning.downcast_ref(),
+            _ => None,
         }
     }
 }
@@ -112,8 +119,8 @@ pub fn progress(on_event: OnEvent<'_>, stage: Stage, done: u64, total: u64) -> R
 ///
 /// # Errors
 /// [`Cancelled`].
-pub fn warn(on_event: OnEvent<'_>, warning: Warning) -> Result<(), Cancelled> {
-    send(on_event, Event::Warning(warning))
+pub fn warn(on_event: OnEvent<'_>, warning: impl Warning) -> Result<(), Cancelled> {
+    send(on_event, Event::Warning(Arc::new(warning)))
 }
 
 /// Reports measured values of a stage.
@@ -133,7 +140,54 @@ fn send(on_event: OnEvent<'_>, event: Event) -> Result<(), Cancelled> {
 
 #[cfg(test)]
 mod tests {
+    use std::fmt;
+
     use super::*;
+
+    const OCTREE: Stage = Stage::new("octree");
+
+    #[derive(Debug, PartialEq)]
+    struct Clipped {
+        pixels: usize,
+    }
+
+    impl Warning for Clipped {}
+
+    impl fmt::Display for Clipped {
+        fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            write!(f, "{} pixels are clipped", self.pixels)
+        }
+    }
+
+    #[derive(Debug)]
+    struct Other;
+
+    impl Warning for Other {}
+
+    impl fmt::Display for Other {
+        fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("other")
+        }
+    }
+
+    #[test]
+    fn warnings_keep_their_message_and_their_type() {
+        let mut events = Vec::new();
+        let on_event = &mut |event: Event| {
+            events.push(event);
+            ControlFlow::Continue(())
+        };
+        assert_eq!(warn(on_event, Clipped { pixels: 3 }), Ok(()));
+        assert_eq!(warn(on_event, Other), Ok(()));
+        let messages = events.iter().filter_map(|event| match event {
+            Event::Warning(warning) => Some(warning.to_string()),
+            _ => None,
+        });
+        assert!(messages.eq(["3 pixels are clipped", "other"]));
+        let found: Vec<Option<&Clipped>> = events.iter().map(Event::warning).collect();
+        assert_eq!(found, [Some(&Clipped { pixels: 3 }), None]);
+        assert_eq!(Event::Begun(OCTREE).warning::<Clipped>(), None);
+    }
 
     #[test]
     fn a_handler_that_breaks_ends_the_job_before_or_after_the_work() {
@@ -144,7 +198,7 @@ mod tests {
                 received += 1;
                 if received > at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let result = stage(on_event, Stage::Octree, || worked += 1);
+            let result = stage(on_event, OCTREE, || worked += 1);
             assert_eq!(result, if at < 2 { Err(Cancelled) } else { Ok(()) });
         }
         assert_eq!(worked, 2, "no work after a handler that breaks at the stage's beginning");
@@ -152,7 +206,7 @@ mod tests {
 
     #[test]
     fn fractions_go_from_none_to_all() {
-        let at = |done, total| Event::Progress { stage: Stage::Octree, done, total }.fraction();
+        let at = |done, total| Event::Progress { stage: OCTREE, done, total }.fraction();
         assert_eq!((at(0, 4), at(3, 4), at(0, 0)), (Some(0.0), Some(0.75), Some(1.0)));
     }
 }

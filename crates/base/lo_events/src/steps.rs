@@ -57,7 +57,7 @@ mod tests {
             received.push(event.fraction());
             if first { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        let mut steps = Steps::begin(&mut on_event, Stage::Octree, 2);
+        let mut steps = Steps::begin(&mut on_event, Stage::new("octree"), 2);
         assert!(!steps.cancelled());
         steps.step();
         assert!(steps.cancelled());

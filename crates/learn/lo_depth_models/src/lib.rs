@@ -16,6 +16,7 @@ mod recipe;
 mod resize;
 mod runtime;
 mod shapes;
+pub mod stages;
 
 pub mod affine;
 mod depth_anything;

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use lo_events::{OnEvent, Stage, stage};
+use lo_events::{OnEvent, stage};
 use lo_geometry::Camera;
 use lo_imaging::Image;
 
@@ -16,6 +16,7 @@ use crate::plan::{InputContent, plan};
 use crate::preprocess::{input_dims, input_size, prepared};
 use crate::recipe::Recipe;
 use crate::runtime::{Array, Loaded, Runtime};
+use crate::stages;
 use crate::{FieldOfView, Geometry, Kind, ModelConfig, ModelError, Prediction, depth_anything, metric3d, moge};
 
 /// Largest file in bytes.
@@ -156,9 +157,10 @@ impl DepthModel {
             return Err(ModelError::Photo("the model needs the camera's focal length".to_owned()));
         }
         let size = input_size(&self.recipe, (width, height));
-        let loaded = stage(on_event, Stage::PrepareDepthModel, || self.loaded(&input_dims(self.recipe.layout, size)))??;
+        let loaded =
+            stage(on_event, stages::PREPARE_DEPTH_MODEL, || self.loaded(&input_dims(self.recipe.layout, size)))??;
         let outputs = self.recipe.outputs();
-        let (prepared, arrays) = stage(on_event, Stage::DepthModel, || {
+        let (prepared, arrays) = stage(on_event, stages::DEPTH_MODEL, || {
             let prepared = prepared(&self.recipe, photo);
             loaded.run(&self.recipe.input, &prepared.array, &outputs).map(|arrays| (prepared, arrays))
         })??;

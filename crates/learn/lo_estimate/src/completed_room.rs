@@ -1,14 +1,14 @@
 //! Completes the room's light by one of three methods.
 
 use lo_completion::{ShellOptions, filled_warning, shell_of_photos};
-use lo_events::{OnEvent, Stage, Warning, stage, warn};
+use lo_events::{OnEvent, stage, warn};
 use lo_geometry::{Cube, Vec3};
 use lo_nets::{CompletedLight, Networks, ObservedRoom};
 use lo_octree::{LightOctree, RadiancePoint};
 use lo_scene::{ObservedPhoto, Room, Surfel, place_cube};
 
 use crate::prepared_input::{PreparedInput, srgb8};
-use crate::{EstimateError, EstimateOptions, ObservedFrame};
+use crate::{EstimateError, EstimateOptions, EstimateWarning, ObservedFrame, stages};
 
 /// The light of a room, with what an estimate stores beside it.
 pub(crate) struct CompletedRoom {
@@ -27,13 +27,13 @@ pub(crate) fn by_network(
 ) -> Result<CompletedRoom, EstimateError> {
     let global = match &input.global {
         Some(global) => global.clone(),
-        None => stage(on_event, Stage::GlobalLight, || networks.global_light(&srgb8(&input.working.photo)))?,
+        None => stage(on_event, stages::GLOBAL_LIGHT, || networks.global_light(&srgb8(&input.working.photo)))?,
     };
     let observed = ObservedFrame::from_photos(&input.photos(), options.up, input.normals.as_ref())
         .ok_or(EstimateError::NoUsableDepth)?;
     let filled = observed.points.len() - observed.surfels.len();
     filled_warning(observed.surfels.len(), filled).into_iter().try_for_each(|warning| warn(on_event, warning))?;
-    let completed = stage(on_event, Stage::LightNetwork, || {
+    let completed = stage(on_event, stages::LIGHT_NETWORK, || {
         let room = ObservedRoom {
             points: &observed.points,
             views: &observed.views,
@@ -55,7 +55,7 @@ pub(crate) fn observed_only(
     options: &EstimateOptions,
     on_event: OnEvent<'_>,
 ) -> Result<CompletedRoom, EstimateError> {
-    let (points, cube) = stage(on_event, Stage::Completion, || {
+    let (points, cube) = stage(on_event, stages::COMPLETION, || {
         let surfels: Vec<Surfel> = input.seen_photos().iter().flat_map(ObservedPhoto::surfels).collect();
         let positions: Vec<Vec3> = surfels.iter().map(|surfel| surfel.position_m).collect();
         let points: Vec<RadiancePoint> = surfels.into_iter().map(RadiancePoint::from).collect();
@@ -73,7 +73,7 @@ pub(crate) fn by_shell(
     on_event: OnEvent<'_>,
 ) -> Result<CompletedRoom, EstimateError> {
     let shell_options = ShellOptions { up: options.up, octree_depth, ..ShellOptions::default() };
-    let shell = stage(on_event, Stage::Completion, || shell_of_photos(&input.seen_photos(), &shell_options))?;
+    let shell = stage(on_event, stages::COMPLETION, || shell_of_photos(&input.seen_photos(), &shell_options))?;
     shell.warnings().into_iter().try_for_each(|warning| warn(on_event, warning))?;
     let light = octree_from_points(&shell.points(), shell.cube, octree_depth, options, on_event)?;
     Ok(CompletedRoom { light, room: Some(shell.room), confidence: None })
@@ -90,9 +90,9 @@ fn octree_from_points(
         return Err(EstimateError::NoUsableDepth);
     }
     let build = || LightOctree::from_points(points, cube, octree_depth, options.full_depth);
-    let (light, report) = stage(on_event, Stage::Octree, build)??;
+    let (light, report) = stage(on_event, stages::OCTREE, build)??;
     if report.outside > 0 {
-        warn(on_event, Warning::OutsideCube { outside: report.outside, points: points.len() })?;
+        warn(on_event, EstimateWarning::OutsideCube { outside: report.outside, points: points.len() })?;
     }
     Ok(light)
 }

@@ -2,13 +2,13 @@
 
 use lo_depth_models::affine::{Fit, fit_inverse, fit_log, metres_of_inverse, metres_of_log};
 use lo_depth_models::{DepthModel, Geometry};
-use lo_events::{OnEvent, Stage, Warning, stage, warn};
+use lo_events::{OnEvent, stage, warn};
 use lo_geometry::Camera;
 use lo_imaging::{DepthMap, Photo, resize_depth};
 use lo_scene::{CameraSource, Frame, working_photo};
 
 use crate::prepared_input::srgb8;
-use crate::{EstimateError, Estimator, PredictedDepth};
+use crate::{EstimateError, EstimateWarning, Estimator, PredictedDepth, stages};
 
 /// Largest ratio between the aspects of depth and photo at which depth is not resampled to the photo's aspect.
 const SAME_ASPECT: f64 = 1.005;
@@ -21,7 +21,7 @@ impl Estimator {
     /// `None` where `camera` was given.
     ///
     /// Relative depth is converted to metres by a robust fit to this estimator's own depth network.
-    /// [`Warning::FittedDepth`] reports how well the two agree.
+    /// [`EstimateWarning::FittedDepth`] reports how well the two agree.
     ///
     /// # Errors
     /// - The errors of [`DepthModel::predict`].
@@ -77,14 +77,15 @@ impl Estimator {
     /// Predicts depth in metres by the estimator's own network.
     fn own_depth(&self, photo: &Photo, camera: &Camera, on_event: OnEvent<'_>) -> Result<DepthMap, EstimateError> {
         let networks = self.networks().ok_or(EstimateError::NoNetworks("a depth model of relative depth"))?;
-        let small = stage(on_event, Stage::WorkingResolution, || working_photo(photo))?;
-        let depth_m = stage(on_event, Stage::DepthAndGlobalLight, || networks.predict(&srgb8(&small), camera).depth_m)?;
+        let small = stage(on_event, stages::WORKING_RESOLUTION, || working_photo(photo))?;
+        let depth_m =
+            stage(on_event, stages::DEPTH_AND_GLOBAL_LIGHT, || networks.predict(&srgb8(&small), camera).depth_m)?;
         if depth_m.pixels().iter().all(|z| z.is_finite()) { Ok(depth_m) } else { Err(EstimateError::NonFiniteDepth) }
     }
 }
 
-fn fit_warning(fit: &Fit) -> Warning {
-    Warning::FittedDepth { scale: fit.a, offset: fit.b, agree: fit.agree, median_error: fit.error }
+fn fit_warning(fit: &Fit) -> EstimateWarning {
+    EstimateWarning::FittedDepth { scale: fit.a, offset: fit.b, agree: fit.agree, median_error: fit.error }
 }
 
 /// Resamples depth to the photo's aspect if the photo was stretched for the model.

@@ -20,9 +20,11 @@ mod panorama;
 mod photos;
 mod prepared_input;
 mod request;
+pub mod stages;
 mod sun;
 #[cfg(test)]
 mod tests;
+mod warning;
 #[cfg(feature = "weights")]
 mod weights;
 mod white;
@@ -38,4 +40,5 @@ pub use observed_frame::ObservedFrame;
 pub use options::{DEFAULT_OCTREE_DEPTH, EstimateOptions};
 pub use request::{DepthSource, PhotoRequest, ResolvedPhoto};
 pub use sun::{PhotoSun, ShadowError, sun_from_photo, supported_sun};
+pub use warning::EstimateWarning;
 pub use white::check_white;

@@ -1,11 +1,11 @@
 //! Checks the poses of several photos of one room, and matches their exposures.
 
-use lo_events::{Figure, OnEvent, Stage, Warning, figures, stage, warn};
+use lo_events::{Figure, OnEvent, figures, stage, warn};
 use lo_geometry::RigidTransform;
 use lo_nets::light::{VisiblePoint, ambient_light};
 use lo_scene::{ObservedPhoto, Overlap, PosedFrame, overlap};
 
-use crate::{EstimateError, Exposures};
+use crate::{EstimateError, EstimateWarning, Exposures, stages};
 
 /// Median difference of two photos' depths, as a share of the depth, above which poses cause a warning
 /// (`docs/design/036-several-photos.md`).
@@ -29,21 +29,21 @@ pub(crate) fn align_photos(
     on_event: OnEvent<'_>,
 ) -> Result<AlignedPhotos, EstimateError> {
     let mut photos = in_first_frame(photos);
-    let mut working: Vec<PosedFrame> = stage(on_event, Stage::WorkingResolution, || {
+    let mut working: Vec<PosedFrame> = stage(on_event, stages::WORKING_RESOLUTION, || {
         let working = |photo: &PosedFrame| PosedFrame {
             frame: photo.frame.working(),
             first_from_camera: photo.first_from_camera,
         };
         photos.iter().map(working).collect()
     })?;
-    let pairs = stage(on_event, Stage::Photos, || overlapping_pairs(&working))?;
+    let pairs = stage(on_event, stages::PHOTOS, || overlapping_pairs(&working))?;
     for pair in &pairs {
         let (photos, disagreement) = (pair.photos, pair.overlap.disagreement);
         if disagreement > MAX_DISAGREEMENT {
             return Err(EstimateError::PosesDisagree { photos, disagreement });
         }
         if disagreement > WARN_DISAGREEMENT {
-            warn(on_event, Warning::PosesDisagree { photos, disagreement })?;
+            warn(on_event, EstimateWarning::PosesDisagree { photos, disagreement })?;
         }
     }
     if exposures == Exposures::Matched {
@@ -53,7 +53,7 @@ pub(crate) fn align_photos(
             working.frame.exposure = photo.frame.exposure;
         }
         if !assumed.is_empty() {
-            warn(on_event, Warning::AssumedExposures { photos: assumed })?;
+            warn(on_event, EstimateWarning::AssumedExposures { photos: assumed })?;
         }
     }
     let first_exposure = photos.first().map_or(1.0, |photo| photo.frame.exposure);
@@ -61,7 +61,7 @@ pub(crate) fn align_photos(
         name: "exposure_ev",
         value: -f64::from((photo.frame.exposure / first_exposure).log2()),
     };
-    figures(on_event, Stage::Photos, photos.iter().map(figure).collect())?;
+    figures(on_event, stages::PHOTOS, photos.iter().map(figure).collect())?;
     Ok(AlignedPhotos { photos, working })
 }
 

@@ -1,14 +1,14 @@
 //! Photos with depth, prepared at the resolutions of the estimation.
 
 use lo_completion::{up_from_predicted_depth, up_near};
-use lo_events::{OnEvent, Stage, Warning, stage, warn};
+use lo_events::{OnEvent, stage, warn};
 use lo_geometry::{Camera, PerspectiveFit, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, srgb8_from_linear};
 use lo_nets::{GlobalLight, Networks, PhotoPrediction};
 use lo_scene::{Frame, ObservedPhoto, OtherPhoto, PosedFrame, Surfel, working_photo};
 
 use crate::photos::{AlignedPhotos, align_photos};
-use crate::{EstimateError, Exposures, Input, PredictedDepth};
+use crate::{EstimateError, EstimateWarning, Exposures, Input, PredictedDepth, stages};
 
 /// Pixels on the longer side of the normals that vote for up. The votes' weights are tuned for this resolution.
 const VOTING_SIDE: usize = 240;
@@ -47,9 +47,9 @@ impl PreparedInput {
             Input::PredictedDepth(predicted) => (predicted, true),
             Input::Photos { photos, exposures } => return from_photos(photos, exposures, on_event),
         };
-        let working = stage(on_event, Stage::WorkingResolution, || frame.working())?;
+        let working = stage(on_event, stages::WORKING_RESOLUTION, || frame.working())?;
         if predicted_depth {
-            warn(on_event, Warning::PredictedDepth)?;
+            warn(on_event, EstimateWarning::PredictedDepth)?;
         }
         let at_working = |normals| at_size(normals, working.depth_m.width(), working.depth_m.height());
         let working_normals = normals.as_ref().map(at_working);
@@ -111,7 +111,7 @@ impl PreparedInput {
         if let Some(networks) = networks.filter(|_| self.global.is_none()) {
             let extent = self.frame.camera.half_extent();
             let predict = || networks.light_and_camera(&srgb8(&self.working.photo), extent);
-            let (global, perspective) = stage(on_event, Stage::GlobalLight, predict)?;
+            let (global, perspective) = stage(on_event, stages::GLOBAL_LIGHT, predict)?;
             (self.global, self.perspective) = (Some(global), perspective);
         }
         Ok(match self.perspective {
@@ -146,9 +146,9 @@ fn with_predicted_depth(
     networks: &Networks,
     on_event: OnEvent<'_>,
 ) -> Result<PreparedInput, EstimateError> {
-    let small = stage(on_event, Stage::WorkingResolution, || working_photo(&photo))?;
+    let small = stage(on_event, stages::WORKING_RESOLUTION, || working_photo(&photo))?;
     let PhotoPrediction { depth_m, light: global, perspective } =
-        stage(on_event, Stage::DepthAndGlobalLight, || networks.predict(&srgb8(&small), &camera))?;
+        stage(on_event, stages::DEPTH_AND_GLOBAL_LIGHT, || networks.predict(&srgb8(&small), &camera))?;
     if !depth_m.pixels().iter().all(|z| z.is_finite()) {
         return Err(EstimateError::NonFiniteDepth);
     }
@@ -156,7 +156,7 @@ fn with_predicted_depth(
     let depth_m = lo_imaging::resize_depth(&frame.depth_m, small.width(), small.height());
     let camera = frame.camera.resized(small.width() as u32, small.height() as u32);
     let working = Frame { camera, photo: small, depth_m, exposure: 1.0 };
-    warn(on_event, Warning::PredictedDepth)?;
+    warn(on_event, EstimateWarning::PredictedDepth)?;
     let (others, global, predicted_depth) = (Vec::new(), Some(global), true);
     Ok(PreparedInput {
         frame,

@@ -7,18 +7,18 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use lo_cone::ConeTracer;
-use lo_events::{Cancelled, Event, Stage, Warning};
+use lo_events::{Cancelled, Event};
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, FocalLength, Image, Photo, PhotoExposure, PhotoFile};
 use lo_nets::checkpoint::Checkpoint;
 use lo_nets::depth::EncoderKind;
-use lo_nets::light::LightNetConfig;
+use lo_nets::light::{LightNetConfig, NetworkWarning};
 use lo_nets::{Device, Networks};
 use lo_scene::{CameraSource, Completion, Estimate, Frame, LitScene, SceneFile};
 
-use lo_completion::LampFit;
+use lo_completion::{CompletionWarning, LampFit};
 
-use crate::{EstimateError, EstimateOptions, Estimator, Input, plausible_light};
+use crate::{EstimateError, EstimateOptions, EstimateWarning, Estimator, Input, plausible_light, stages};
 
 /// A wall two metres away, grey, 96 × 64 pixels.
 fn grey_wall() -> Frame {
@@ -61,8 +61,8 @@ fn the_shell_adds_inferred_leaves_and_warns() {
     let stages = events.iter().filter(|event| matches!(event, Event::Done { .. })).count();
     assert_eq!(stages, 3);
     // One of four walls is observed, and neither floor nor ceiling.
-    let planes = Warning::AssumedPlanes { floor: true, ceiling: true, walls: 3 };
-    assert!(events.contains(&Event::Warning(planes)), "{events:?}");
+    let planes = CompletionWarning::AssumedPlanes { floor: true, ceiling: true, walls: 3 };
+    assert!(events.iter().any(|event| event.warning() == Some(&planes)), "{events:?}");
 }
 
 #[test]
@@ -183,8 +183,8 @@ fn a_window_without_depth_readings_lies_in_the_wall() {
     let (scene, events) = estimated(frame, &estimator(&config(), &[]));
     assert_seen(&scene, &[(10, 10), (64, 14), (74, 32), (84, 50)]);
     // The window's share of the photo.
-    let filled = events.iter().find_map(|event| match event {
-        Event::Warning(Warning::FilledDepth { filled, pixels }) => Some(*filled as f32 / *pixels as f32),
+    let filled = events.iter().find_map(|event| match event.warning()? {
+        CompletionWarning::FilledDepth { filled, pixels } => Some(*filled as f32 / *pixels as f32),
         _ => None,
     });
     let window = (28.0 * 44.0) / (SIZE.0 * SIZE.1) as f32;
@@ -244,7 +244,7 @@ fn a_photo_alone_gets_its_depth() {
         (&scene.frame, Completion::Shell, true)
     );
     assert_eq!((shell.light.octree.depth(), shell.confidence), (7, None));
-    assert!(events.contains(&Event::Warning(Warning::PredictedDepth)));
+    assert!(events.iter().any(is_predicted_depth));
     // The estimate favours typical camera poses.
     let up = scene.room.as_ref().unwrap().up;
     assert!(up.y > 0.7 && up.x.abs() < 0.12, "{up}");
@@ -287,7 +287,7 @@ fn octrees_stay_within_the_node_budget_with_a_warning() {
     let all: Vec<(&str, &[usize], f32)> = names.iter().map(|name| (&name[..], &[1, 1][..], 5.0)).collect();
     let (scene, events) = estimated(wall(), &estimator(&config, &all));
     assert!(scene.light.octree.levels()[6].len() < 2000 * 8);
-    let over = |event: &Event| matches!(event, Event::Warning(Warning::NodeBudget { .. }));
+    let over = |event: &Event| matches!(event.warning(), Some(NetworkWarning::NodeBudget { .. }));
     assert!(events.iter().any(over), "{events:?}");
 }
 
@@ -310,6 +310,10 @@ fn damaged_networks_and_invalid_depths_are_errors() {
     assert!(matches!(deep, EstimateError::Octree(_)), "{deep}");
 }
 
+fn is_predicted_depth(event: &Event) -> bool {
+    event.warning() == Some(&EstimateWarning::PredictedDepth)
+}
+
 #[test]
 fn external_predicted_depth_is_treated_like_own_depth() {
     let estimator = estimator(&config(), &[]);
@@ -317,7 +321,7 @@ fn external_predicted_depth_is_treated_like_own_depth() {
     let estimate = |input| {
         let mut warned = false;
         let hear = &mut |event| {
-            warned |= event == Event::Warning(Warning::PredictedDepth);
+            warned |= is_predicted_depth(&event);
             ControlFlow::Continue(())
         };
         (estimator.estimate(input, &options(), hear).unwrap(), warned)
@@ -355,9 +359,9 @@ fn a_handler_can_cancel_after_every_event() {
         ControlFlow::Continue(())
     };
     estimator.estimate(alone(), &options(), hear).unwrap();
-    let begun: Vec<&Event> = all.iter().filter(|event| matches!(event, Event::Begun(_))).collect();
-    let stages = [Stage::WorkingResolution, Stage::DepthAndGlobalLight, Stage::LightNetwork];
-    assert!(begun.into_iter().eq(stages.map(Event::Begun).iter()), "{all:?}");
+    let begun = all.iter().filter_map(|event| if let Event::Begun(stage) = event { Some(stage) } else { None });
+    let stages = [stages::WORKING_RESOLUTION, stages::DEPTH_AND_GLOBAL_LIGHT, stages::LIGHT_NETWORK];
+    assert!(begun.eq(&stages), "{all:?}");
     for at in 0..all.len() {
         let mut heard = 0;
         let hear = &mut |_| {

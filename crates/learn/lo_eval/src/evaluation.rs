@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use lo_dataset::{CropModel, Dataset, DatasetError, DatasetLayout, Sample, Split, evenly_spread, indices_of};
-use lo_events::{OnEvent, Stage, Steps};
+use lo_events::{OnEvent, Steps};
 
 use crate::prior::TWO_PANORAMAS_APART;
+use crate::stages;
 use crate::{
     Cost, KnownPanorama, Method, MethodError, MethodOutput, Outcome, Protocol, ProtocolCrops, ProtocolRenders, Report,
     Scorer, Sheet, Summary, Tools, memory, walk,
@@ -106,7 +107,7 @@ impl<'a> Evaluation<'a> {
         let [rows, walks] = [rows, walks].map(|most| evenly_spread(count, most).collect::<Vec<usize>>());
         let (mut summary, mut sheet) = (Summary::default(), Sheet::default());
         let (mut done, mut unreadable) = (0, None);
-        let mut steps = Steps::begin(on_event, Stage::EvaluatePhotos, count);
+        let mut steps = Steps::begin(on_event, stages::EVALUATE_PHOTOS, count);
         for (position, &index) in self.indices.iter().enumerate() {
             if steps.cancelled() {
                 break;

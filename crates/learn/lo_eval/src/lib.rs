@@ -17,6 +17,7 @@ mod scores;
 mod sheet;
 pub mod spheres;
 mod split;
+pub mod stages;
 mod summary;
 #[cfg(test)]
 mod testing;

@@ -2,9 +2,9 @@
 
 use std::f32::consts::PI;
 
-use lo_completion::PanoramaPrior;
+use lo_completion::{PanoramaPrior, PanoramaWarning};
 use lo_dataset::{NovelView, Sample};
-use lo_events::{Event, Warning};
+use lo_events::Event;
 use lo_geometry::{Orientation, Vec3};
 use lo_octree::LightOctree;
 
@@ -84,7 +84,7 @@ pub struct PriorAlignment {
 
 /// Returns whether an event warns that a panorama may not fit.
 pub(crate) fn is_mismatch(event: &Event) -> bool {
-    matches!(event, Event::Warning(Warning::PanoramaMatch { .. } | Warning::PanoramaNotCompared))
+    matches!(event.warning(), Some(PanoramaWarning::PoorMatch { .. } | PanoramaWarning::NotCompared))
 }
 
 /// Returns the absolute difference of two yaws, degrees.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use lo_dataset::{Dataset, DatasetError, Sample};
-use lo_events::{Cancelled, OnEvent, Stage, Steps};
+use lo_events::{Cancelled, OnEvent, Steps};
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::{RadianceImage, linear_from_srgb8, luminance};
 use lo_metrics::solid_angles_sr;
@@ -129,7 +129,7 @@ impl Profile {
         name: &str,
         on_event: OnEvent<'_>,
     ) -> Result<Self, ProfileError> {
-        let mut steps = Steps::begin(on_event, Stage::ReadSamples, indices.len());
+        let mut steps = Steps::begin(on_event, lo_dataset::stages::READ_SAMPLES, indices.len());
         let mut builder = ProfileBuilder::default();
         for &index in indices {
             if steps.cancelled() {

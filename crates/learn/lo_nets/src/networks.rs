@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use burn::tensor::{Device, Tensor};
-use lo_events::Warning;
 use lo_geometry::{Camera, Cube, Perspective, PerspectiveFit, Vec3};
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_octree::{LightOctree, RadiancePoint};
@@ -14,7 +13,8 @@ use crate::conv::in_pool;
 use crate::depth::{DepthNet, DepthNetConfig, EncoderKind, panorama_image};
 use crate::expected::{ExpectedLight, ExpectedLightNet, PhotoStatistics};
 use crate::light::{
-    Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, ObservedDetail, PhotoView, VisiblePoint,
+    Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, NetworkWarning, ObservedDetail,
+    PhotoView, VisiblePoint,
 };
 use crate::plane_snapping::snap_to_planes;
 use crate::test_time_augmentation;
@@ -80,7 +80,7 @@ pub struct CompletedLight {
     /// `confidence[d][row]` of each node, in (0, 1]: e^−(expected error of log(1 + radiance)).
     pub confidence: Vec<Vec<f32>>,
     /// Deviations from the prediction.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<NetworkWarning>,
 }
 
 impl Networks {

@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use lo_dataset::GeneratorConfig;
-use lo_events::{TrainedNetworks, TrainingPhase};
+use lo_events::Stage;
 use lo_nets::depth::{DepthLossConfig, EncoderKind, LONGER_SIDE};
 use lo_nets::light::{LightLossConfig, LightNetConfig};
 use serde::{Deserialize, Serialize};
@@ -12,6 +12,7 @@ use crate::panorama_data::PanoramaData;
 use crate::phases::{
     DepthPhase, ExpectedPhase, LightPhase, Phase, Schedule, depth_phases, expected_phases, joint_phases, light_phases,
 };
+use crate::training_phase::{TrainedNetworks, TrainingPhase};
 
 /// Configuration of a training run, except its seed. Every field has a default; a file lists only what differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -198,6 +199,11 @@ impl TrainConfig {
         let joint = Phase::numbered(TrainedNetworks::Joint, self.joint.iter().cloned().map(Phase::Joint));
         let expected = Phase::numbered(TrainedNetworks::Expected, self.expected.iter().cloned().map(Phase::Expected));
         depth.into_iter().chain(light).chain(joint).chain(expected).collect()
+    }
+
+    /// Returns the stages of all phases in training order.
+    pub fn phase_stages(&self) -> Vec<Stage> {
+        self.phases().iter().map(|(phase, _)| phase.stage()).collect()
     }
 
     /// Returns the shape of the light network for an octree depth. Its stages are those of the final

@@ -1,9 +1,11 @@
 use std::path::{Path, PathBuf};
 
 use lo_dataset::DatasetError;
-use lo_events::{Cancelled, TrainingPhase};
+use lo_events::Cancelled;
 use lo_nets::checkpoint::CheckpointError;
 use lo_nets::light::{LightConfigError, LightError};
+
+use crate::training_phase::TrainingPhase;
 
 /// Errors of a training run.
 #[derive(Debug, thiserror::Error)]

@@ -6,10 +6,11 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use lo_events::{Figure, TrainingPhase};
+use lo_events::Figure;
 use serde_json::{Value, json};
 
 use crate::learner::Progress;
+use crate::training_phase::TrainingPhase;
 
 /// Appends lines to the log. A resumed log is first truncated to its length at the checkpoint.
 pub(crate) struct Log {

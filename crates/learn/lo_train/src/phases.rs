@@ -2,7 +2,7 @@
 
 use crate::augmentation::AugmentationConfig;
 use crate::panorama_data::PanoramaData;
-use lo_events::{TrainedNetworks, TrainingPhase};
+use crate::training_phase::{TrainedNetworks, TrainingPhase};
 use serde::de::{DeserializeOwned, Error};
 use serde::{Deserialize, Deserializer, Serialize};
 

@@ -4,10 +4,11 @@ mod steps;
 
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use lo_dataset::{LoaderState, Sample, fingerprint};
-use lo_events::{Cancelled, Event, OnEvent, Stage, TrainingPhase, Warning};
+use lo_events::{Cancelled, Event, OnEvent, warn};
 use lo_imaging::write_rgba8;
 use lo_nets::checkpoint::Precision;
 use lo_nets::conv::{in_bf16, in_pool};
@@ -25,8 +26,11 @@ use crate::prefetch::{Prefetcher, SkippedSample};
 use crate::prepare::{depth_examples, joint_examples, light_examples};
 use crate::request::{CHECKPOINT_FILE, InitialWeights, LOG_FILE, SHEET_FILE, TrainRequest, WEIGHTS_FILE};
 use crate::sources::Sources;
+use crate::stages;
 use crate::state::RunState;
+use crate::training_phase::TrainingPhase;
 use crate::validation::Validation;
+use crate::warning::TrainingWarning;
 
 /// Generator named in the contact sheet's metadata.
 const GENERATOR: &str = "lightoctree train";
@@ -92,8 +96,7 @@ impl<'a> Run<'a> {
             Some((learner, state)) if state.fingerprint == fingerprint => (learner, state),
             Some((learner, state)) => {
                 let position = LoaderState { epoch: state.position.epoch + 1, ..LoaderState::default() };
-                let warning = Warning::DatasetChanged { epoch: position.epoch };
-                cancelled = on_event(Event::Warning(warning)).is_break();
+                cancelled = warn(on_event, TrainingWarning::DatasetChanged { epoch: position.epoch }).is_err();
                 (learner, RunState { position, waiting: Vec::new(), fingerprint, ..state })
             }
             None => {
@@ -110,8 +113,7 @@ impl<'a> Run<'a> {
                         learner.load_encoder(&weights)?;
                         if !origin.is_published(config.encoder) {
                             let EncoderOrigin { file, sha256 } = origin.clone();
-                            cancelled =
-                                on_event(Event::Warning(Warning::UnpublishedEncoder { file, sha256 })).is_break();
+                            cancelled = warn(on_event, TrainingWarning::UnpublishedEncoder { file, sha256 }).is_err();
                         }
                         state.encoder_origin = Some(origin);
                     }
@@ -148,7 +150,7 @@ impl<'a> Run<'a> {
             // A rollback in this phase needs a checkpoint.
             self.save()?;
         }
-        let (stage, begun) = (Stage::Training(name), Instant::now());
+        let (stage, begun) = (name.stage(), Instant::now());
         self.emit(Event::Begun(stage.clone()));
         self.emit(Event::Progress { stage: stage.clone(), done: self.state.step, total: phase.steps() });
         self.freeze_statistics();
@@ -203,6 +205,10 @@ impl<'a> Run<'a> {
         if (self.on_event)(event) == ControlFlow::Break(()) {
             self.cancelled = true;
         }
+    }
+
+    fn warn(&mut self, warning: TrainingWarning) {
+        self.emit(Event::Warning(Arc::new(warning)));
     }
 
     /// Runs the steps of a phase, each on a batch of examples of one size.
@@ -262,7 +268,7 @@ impl<'a> Run<'a> {
         if *unusable == MAX_UNUSABLE {
             return Err(TrainError::NoSamples { count: *unusable, last: format!("{sample}: {error}") });
         }
-        self.emit(Event::Warning(Warning::SamplePassedOver { sample, error }));
+        self.warn(TrainingWarning::SampleSkipped { sample, error });
         Ok(())
     }
 
@@ -278,8 +284,8 @@ impl<'a> Run<'a> {
         self.log.add(progress);
         let losses = self.log.losses(progress);
         let (name, total) = (self.phases[self.state.phase].0, self.phases[self.state.phase].1.steps());
-        self.emit(Event::Progress { stage: Stage::Training(name), done: self.state.step, total });
-        self.emit(Event::Figures { stage: Stage::Training(name), figures: losses });
+        self.emit(Event::Progress { stage: name.stage(), done: self.state.step, total });
+        self.emit(Event::Figures { stage: name.stage(), figures: losses });
         let last = self.state.step == total;
         if last || self.state.step.is_multiple_of(self.config.log_steps) {
             let means =
@@ -318,7 +324,7 @@ impl<'a> Run<'a> {
         let (fault, back_to_step) = (error.to_string(), self.state.step);
         let line = json!({ "phase": phase.to_string(), "step": step, "fault": fault, "back_to_step": back_to_step });
         self.log.line(&line).map_err(TrainError::io(&self.folder.join(LOG_FILE)))?;
-        self.emit(Event::Warning(Warning::SetBack { phase, step, fault, back_to_step }));
+        self.warn(TrainingWarning::SetBack { phase, step, fault, back_to_step });
         Ok(())
     }
 
@@ -339,11 +345,11 @@ impl<'a> Run<'a> {
         if config.photos == 0 {
             return Ok(());
         }
-        self.emit(Event::Begun(Stage::Validation));
+        self.emit(Event::Begun(stages::VALIDATION));
         let (sources, on_event, cancelled) = (&self.sources, &mut self.on_event, &mut self.cancelled);
         let validation = self.validation.get_or_insert_with(|| {
             Validation::new(&*sources.rooms, &*sources.panoramas, config.photos, config.sheet_rows, |warning| {
-                *cancelled |= on_event(Event::Warning(warning)).is_break();
+                *cancelled |= warn(on_event, warning).is_err();
             })
         });
         let begun = Instant::now();
@@ -357,21 +363,21 @@ impl<'a> Run<'a> {
             let rgba = sheet.map(|&[r, g, b]| [r, g, b, 255]);
             write_rgba8(self.folder.join(SHEET_FILE), &rgba, GENERATOR)?;
         }
-        self.emit(Event::Figures { stage: Stage::Validation, figures: report.figures() });
-        self.emit(Event::Done { stage: Stage::Validation, took });
+        self.emit(Event::Figures { stage: stages::VALIDATION, figures: report.figures() });
+        self.emit(Event::Done { stage: stages::VALIDATION, took });
         Ok(())
     }
 
     /// Writes the checkpoint and the averaged weights, each atomically.
     fn save(&mut self) -> Result<(), TrainError> {
         let begun = Instant::now();
-        self.emit(Event::Begun(Stage::Checkpoint));
+        self.emit(Event::Begun(stages::CHECKPOINT));
         self.state.log_bytes = self.log.bytes();
         self.state.write(&self.learner, &self.folder.join(CHECKPOINT_FILE))?;
         self.learner.averages().write(self.folder.join(WEIGHTS_FILE), Precision::Half)?;
         self.rollbacks = 0;
         self.saved = Instant::now();
-        self.emit(Event::Done { stage: Stage::Checkpoint, took: begun.elapsed() });
+        self.emit(Event::Done { stage: stages::CHECKPOINT, took: begun.elapsed() });
         Ok(())
     }
 }
@@ -417,18 +423,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let request = TrainRequest { folder: folder.path(), resume: false, seed: 1, start: InitialWeights::Random };
         let (mut steps, mut warnings) = (0, Vec::new());
-        let mut on_event = |event| {
+        let phases = config.phase_stages();
+        let mut on_event = |event: Event| {
+            warnings.extend(event.warning().cloned());
             match event {
-                Event::Figures { stage: Stage::Training(_), .. } => {
+                Event::Figures { stage, .. } if phases.contains(&stage) => {
                     steps += 1;
-                    if steps == 1 {
-                        return ControlFlow::Break(());
-                    }
+                    if steps == 1 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
                 }
-                Event::Warning(warning) => warnings.push(warning),
-                _ => {}
+                _ => ControlFlow::Continue(()),
             }
-            ControlFlow::Continue(())
         };
         let mut run = Run::new(&config, &request, config.phases(), &mut on_event).unwrap();
         assert!(matches!(run.phase(), Err(TrainError::Cancelled(_))));
@@ -446,7 +450,7 @@ mod tests {
         assert!(run.learner.check().is_ok());
         drop(run);
         assert_eq!(steps, 3);
-        let [Warning::SetBack { phase, step: 1, fault, back_to_step: 1 }] = &warnings[..] else {
+        let [TrainingWarning::SetBack { phase, step: 1, fault, back_to_step: 1 }] = &warnings[..] else {
             panic!("{warnings:?}");
         };
         assert_eq!(phase.to_string(), "light");

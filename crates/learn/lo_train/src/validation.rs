@@ -6,7 +6,6 @@ use lo_cone::{Cone, ConeSample, OctreeRenderer};
 use lo_dataset::{Dataset, NovelView, Sample, Split, indices_of, observed_mask};
 use lo_estimate::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input};
 use lo_events as events;
-use lo_events::Warning;
 use lo_geometry::{Perspective, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_lookup::SceneRenderer;
@@ -23,6 +22,7 @@ use crate::learner::Learner;
 use crate::rays::panorama_rays;
 use crate::report::{LightReport, ValidationReport};
 use crate::sheet::{Row, sheet};
+use crate::warning::TrainingWarning;
 
 /// Seed of the light network's random choices: the default of estimation.
 const SEED: u64 = 0;
@@ -49,7 +49,7 @@ impl Validation {
         panoramas: &dyn Dataset,
         photos: usize,
         sheet_rows: usize,
-        mut on_skip: impl FnMut(Warning),
+        mut on_skip: impl FnMut(TrainingWarning),
     ) -> Self {
         let (mut samples, mut last) = (Vec::new(), String::new());
         for index in 0..dataset.len() {
@@ -67,9 +67,11 @@ impl Validation {
                 }
                 Ok(sample) => {
                     let error = UnusableSample::Missing("true depth or surface points").to_string();
-                    on_skip(Warning::SamplePassedOver { sample: sample.id, error });
+                    on_skip(TrainingWarning::SampleSkipped { sample: sample.id, error });
                 }
-                Err(error) => on_skip(Warning::SamplePassedOver { sample: last.clone(), error: error.to_string() }),
+                Err(error) => {
+                    on_skip(TrainingWarning::SampleSkipped { sample: last.clone(), error: error.to_string() })
+                }
             }
         }
         let camera = |sample: &Sample| {

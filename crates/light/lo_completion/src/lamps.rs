@@ -1,6 +1,5 @@
 //! Light from lamps outside the view, by energy balance.
 
-use lo_events::Warning;
 use lo_geometry::{Vec3, cosine_hemisphere, orthonormal_basis};
 use lo_imaging::luminance;
 use lo_scene::Surfel;
@@ -8,6 +7,7 @@ use lo_scene::Surfel;
 use crate::extrapolate::Faces;
 use crate::layout::{RoomBox, area};
 use crate::visibility::CameraViews;
+use crate::warning::CompletionWarning;
 
 /// Mean albedo of the contents of a furnished room.
 const MEAN_ALBEDO: f32 = 0.5;
@@ -44,8 +44,8 @@ pub struct LampReport {
 
 impl LampReport {
     /// Returns the warning about an assumed lamp.
-    pub fn warning(&self) -> Option<Warning> {
-        (self.lamp_radiance > 0.0).then_some(Warning::AssumedLamp { radiance: self.lamp_radiance })
+    pub fn warning(&self) -> Option<CompletionWarning> {
+        (self.lamp_radiance > 0.0).then_some(CompletionWarning::AssumedLamp { radiance: self.lamp_radiance })
     }
 }
 

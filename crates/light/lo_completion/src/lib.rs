@@ -18,6 +18,7 @@ mod light_from_above;
 mod panorama;
 mod shell;
 mod visibility;
+mod warning;
 
 pub use expected::{ExpectedLightOptions, ExpectedLightReport, GatheredLamp, apply_expected_light};
 pub use fit::{InitialLamps, LampFit, ObservedShading, fit_lamps, preview_lamps};
@@ -27,7 +28,8 @@ pub use irradiance::irradiance_at;
 pub use lamps::LampReport;
 pub use light_from_above::light_from_above;
 pub use panorama::{
-    ApplyPanoramaError, MIN_CONFIDENCE, PanoramaError, PanoramaMatch, PanoramaPrior, PanoramaReport, apply_panorama,
-    match_panorama,
+    ApplyPanoramaError, MIN_CONFIDENCE, PanoramaError, PanoramaMatch, PanoramaPrior, PanoramaReport, PanoramaWarning,
+    apply_panorama, match_panorama,
 };
 pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_warning, shell, shell_of_photos};
+pub use warning::CompletionWarning;

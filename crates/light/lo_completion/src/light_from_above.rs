@@ -112,12 +112,12 @@ fn quantile(mut weighted: Vec<(f32, f32)>, share: f32) -> f32 {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use lo_cone::{Cone, Settings};
-    use lo_events::Warning;
     use lo_geometry::{Cube, cosine_hemisphere, orthonormal_basis};
     use lo_octree::{Provenance, RadiancePoint};
 
     use super::*;
     use crate::lamps::OBJECT_SHARE;
+    use crate::warning::CompletionWarning;
 
     /// Half of the room's edge.
     const HALF_M: f32 = 2.0;
@@ -154,7 +154,7 @@ mod tests {
         // E = π √(0.4 / 0.5 · 0.4 / 0.85), by the shell's rule.
         assert!((report.implied_irradiance / (PI * (0.8f32 * 0.4 / 0.85).sqrt()) - 1.0).abs() < 1e-3, "{report:?}");
         assert!((report.other_irradiance / (PI * 0.33) - 1.0).abs() < 0.05, "{report:?}");
-        assert_eq!(report.warning(), Some(Warning::AssumedLamp { radiance: report.lamp_radiance }));
+        assert_eq!(report.warning(), Some(CompletionWarning::AssumedLamp { radiance: report.lamp_radiance }));
         // By rays independent of the cones: three quarters of the wall receive π · 0.4.
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
         let irradiance = |origin: Vec3, normal: Vec3| {

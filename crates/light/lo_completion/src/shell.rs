@@ -2,7 +2,6 @@
 
 use std::collections::HashSet;
 
-use lo_events::Warning;
 use lo_geometry::{Cube, RigidTransform, Vec2, Vec3};
 use lo_imaging::{DepthMap, RadianceImage};
 use lo_octree::{Provenance, RadiancePoint};
@@ -15,6 +14,7 @@ use crate::highlights::{self, HighlightReport};
 use crate::lamps::{self, LampReport};
 use crate::layout::{AssumedHeights, RoomBox, fit};
 use crate::visibility::{CameraView, CameraViews, FaceClosure};
+use crate::warning::CompletionWarning;
 
 /// Number of leaf layers behind each face.
 ///
@@ -193,9 +193,9 @@ fn enclose(seen: &[Surfel], options: &ShellOptions) -> RoomBox {
 
 impl Shell {
     /// Returns the warnings about this completion.
-    pub fn warnings(&self) -> Vec<Warning> {
+    pub fn warnings(&self) -> Vec<CompletionWarning> {
         let ShellReport { seen, filled, highlights, lamps, .. } = self.report;
-        let brightened = (highlights.brightened_regions > 0).then_some(Warning::Highlights {
+        let brightened = (highlights.brightened_regions > 0).then_some(CompletionWarning::Highlights {
             clipped_share: highlights.clipped_share,
             regions: highlights.brightened_regions,
             peak_radiance: highlights.peak_radiance,
@@ -203,15 +203,16 @@ impl Shell {
         let not_seen = |side| self.room.planes.iter().filter(|plane| plane.side == side && !plane.measured).count();
         let [floor, ceiling] = [Side::Floor, Side::Ceiling].map(|side| not_seen(side) > 0);
         let walls = not_seen(Side::Wall);
-        let assumed = (floor || ceiling || walls > 0).then_some(Warning::AssumedPlanes { floor, ceiling, walls });
+        let assumed =
+            (floor || ceiling || walls > 0).then_some(CompletionWarning::AssumedPlanes { floor, ceiling, walls });
         [filled_warning(seen, filled), brightened, lamps.warning(), assumed].into_iter().flatten().collect()
     }
 }
 
 /// Returns a warning if the share of pixels with filled depth exceeds a twentieth.
-pub fn filled_warning(seen: usize, filled: usize) -> Option<Warning> {
+pub fn filled_warning(seen: usize, filled: usize) -> Option<CompletionWarning> {
     let pixels = seen + filled;
-    (filled as f32 / pixels.max(1) as f32 > 0.05).then_some(Warning::FilledDepth { filled, pixels })
+    (filled as f32 / pixels.max(1) as f32 > 0.05).then_some(CompletionWarning::FilledDepth { filled, pixels })
 }
 
 /// Resamples radiance to the depth map's resolution, for frames that were not made by `working`.

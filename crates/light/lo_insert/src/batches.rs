@@ -48,6 +48,7 @@ mod tests {
     use lo_events::Event;
 
     use super::*;
+    use crate::stages;
 
     #[test]
     fn steps_make_all_items_once_and_end_where_they_are_told_to() {
@@ -56,7 +57,7 @@ mod tests {
             heard.push(event.fraction());
             if heard.len() < 4 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let mut batches = Batches::new(hear, Stage::Shading, 20);
+        let mut batches = Batches::new(hear, stages::SHADING, 20);
         let made = batches.each(10, CONES_PER_BATCH / 3, 2, |range| range.collect());
         assert_eq!(made, Ok((0..10).collect()), "in steps of four");
         assert_eq!(batches.each(10, CONES_PER_BATCH, 10, |range| range.collect()), Err(Cancelled));

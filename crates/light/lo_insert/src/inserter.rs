@@ -1,7 +1,7 @@
 use std::collections::{BTreeSet, HashMap};
 use std::f32::consts::PI;
 
-use lo_events::{Cancelled, OnEvent, Stage, Warning, progress, stage, stage_of_steps, warn};
+use lo_events::{Cancelled, OnEvent, progress, stage, stage_of_steps, warn};
 use lo_geometry::{Ray, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_scene::{Frame, LitScene};
@@ -26,7 +26,7 @@ use crate::shadow::silhouette::Silhouettes;
 use crate::surface::observed_surfaces::{SurfaceMap, without_photo};
 use crate::surface::occluders::Occluders;
 use crate::surface::receivers::PATTERNS;
-use crate::{Base, InsertError, Instance, Lighting, Quality};
+use crate::{Base, InsertError, InsertWarning, Instance, Lighting, Quality, stages};
 
 /// Smallest supported share of an object's base without a warning.
 const MIN_SUPPORT: f32 = 0.5;
@@ -176,19 +176,19 @@ impl Inserter {
             backdrops: &backdrops,
             radiosity,
         };
-        let coarse = self.coarse.ratio(&caster(None), Stage::CoarseShadow, on_event)?;
+        let coarse = self.coarse.ratio(&caster(None), stages::COARSE_SHADOW, on_event)?;
         let patches = patches(&objects, counts.patches);
-        let radiosity = stage_of_steps(on_event, Stage::Radiosity, |on_event| {
+        let radiosity = stage_of_steps(on_event, stages::RADIOSITY, |on_event| {
             let direct = patches::radiosity(&gatherer(Some(&coarse), None), &patches);
-            progress(on_event, Stage::Radiosity, 1, 2)?;
+            progress(on_event, stages::RADIOSITY, 1, 2)?;
             let reflected = Gatherer { radiosity: Some(&direct), ..gatherer(Some(&coarse), None) };
             Ok::<_, Cancelled>(patches::radiosity(&reflected, &patches))
         })?;
         let shadow = if counts.refines_shadow {
-            let smooth = self.coarse.ratio(&caster(Some(&radiosity)), Stage::CoarseShadow, on_event)?;
-            self.fine.refined(&smooth, &caster(Some(&radiosity)), Stage::FineShadow, on_event)?
+            let smooth = self.coarse.ratio(&caster(Some(&radiosity)), stages::COARSE_SHADOW, on_event)?;
+            self.fine.refined(&smooth, &caster(Some(&radiosity)), stages::FINE_SHADOW, on_event)?
         } else {
-            self.fine.ratio(&caster(Some(&radiosity)), Stage::FineShadow, on_event)?
+            self.fine.ratio(&caster(Some(&radiosity)), stages::FINE_SHADOW, on_event)?
         };
 
         let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
@@ -204,7 +204,7 @@ impl Inserter {
             samples: counts.gloss_samples,
         });
         let gloss = gloss.filter(|_| objects.iter().any(|object| object.support.is_some()));
-        Ok(stage(on_event, Stage::Composite, || {
+        Ok(stage(on_event, stages::COMPOSITE, || {
             let reflection = gloss.map(|gloss| gloss.reflection(|pixel| self.radiance(pixel)));
             self.compose(layers, &shadow, reflection)
         })?)
@@ -240,7 +240,7 @@ impl Inserter {
         let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
         let tiles: Vec<_> =
             tiles.into_iter().map(|(y, x)| (x, y, (x + TILE).min(width), (y + TILE).min(height))).collect();
-        let (view, occluder_colours) = stage(on_event, Stage::Visibility, || {
+        let (view, occluder_colours) = stage(on_event, stages::VISIBILITY, || {
             let colour = |pixel| self.colour(pixel);
             let matte = |(object, window): (&Object, &Option<_>)| {
                 window.map(|window| Matte::new(&camera, object, &self.occluders, colour, window))
@@ -263,7 +263,7 @@ impl Inserter {
             }
             (view, occluder_colours)
         })?;
-        let radiance = stage_of_steps(on_event, Stage::Shading, |on_event| shader.shade(&view.fragments, on_event))?;
+        let radiance = stage_of_steps(on_event, stages::SHADING, |on_event| shader.shade(&view.fragments, on_event))?;
         layers.add(&view, &radiance);
         for (pixel, (sum, count)) in occluder_colours {
             let linear = |colour: Vec3| Vec3::from(colour.to_array().map(lo_imaging::linear_from_srgb));
@@ -300,22 +300,26 @@ impl Inserter {
         instances: &[Instance],
         objects: &Objects,
         seen: &[ObjectVisibility],
-    ) -> impl Iterator<Item = Warning> + use<> {
+    ) -> impl Iterator<Item = InsertWarning> + use<> {
         let of_object = |object: usize| {
             let ObjectVisibility { shows, hides } = seen[object];
-            let nothing =
-                if hides { Warning::ObjectHidden { object } } else { Warning::ObjectOutsidePicture { object } };
+            let nothing = if hides {
+                InsertWarning::ObjectHidden { object }
+            } else {
+                InsertWarning::ObjectOutsidePicture { object }
+            };
             let nothing = (!shows).then_some(nothing);
             let is_outside = !self.cube.contains(objects[object].centre_m);
-            let outside = is_outside.then_some(Warning::ObjectOutsideOctree { object });
+            let outside = is_outside.then_some(InsertWarning::ObjectOutsideOctree { object });
             let overhang = self
                 .supported_share(object, &instances[object], objects)
                 .filter(|supported| *supported < MIN_SUPPORT)
-                .map(|supported| Warning::ObjectOverhangs { object, supported });
+                .map(|supported| InsertWarning::ObjectOverhangs { object, supported });
             nothing.into_iter().chain(outside).chain(overhang)
         };
-        let warnings: Vec<Warning> = (0..objects.len()).flat_map(of_object).collect();
-        let pairs: Vec<Warning> = objects.intersecting().map(|objects| Warning::ObjectsIntersect { objects }).collect();
+        let warnings: Vec<InsertWarning> = (0..objects.len()).flat_map(of_object).collect();
+        let pairs: Vec<InsertWarning> =
+            objects.intersecting().map(|objects| InsertWarning::ObjectsIntersect { objects }).collect();
         warnings.into_iter().chain(pairs)
     }
 

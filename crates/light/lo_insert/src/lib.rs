@@ -28,7 +28,9 @@ mod pattern;
 mod quality;
 mod shade;
 mod shadow;
+pub mod stages;
 mod surface;
+mod warning;
 
 pub use error::InsertError;
 pub use inserter::Inserter;
@@ -43,3 +45,4 @@ pub use objects::placement::{Align, Placement};
 pub use quality::Quality;
 pub use shade::composite::Composite;
 pub use surface::observed_surfaces::{ObservedSurfaces, surface_at_pixel};
+pub use warning::InsertWarning;

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use lo_events::{OnEvent, Stage, Steps};
+use lo_events::{OnEvent, Steps};
 
 use crate::prefetch::Prefetch;
 use crate::shard::write_shard;
+use crate::stages;
 use crate::{Dataset, DatasetError, Generator, LoadError, Loader, LoaderConfig, Record, ShardFolder};
 
 /// Maximum number of rooms that are generated in parallel. Each needs some hundred megabytes, and its ray loops use all
@@ -69,7 +70,7 @@ pub fn generate_shards(
     let own_shards = || rooms.chunks(per_shard).enumerate().skip(part.index).step_by(part.count);
     let todo: Vec<(usize, &[u64])> = own_shards().filter(|&(shard, _)| !folder.has(shard)).collect();
     let order: Vec<u64> = todo.iter().flat_map(|(_, rooms)| rooms.iter().copied()).collect();
-    let mut steps = Steps::begin(on_event, Stage::GenerateRooms, order.len());
+    let mut steps = Steps::begin(on_event, stages::GENERATE_ROOMS, order.len());
     let parallel = rayon::current_num_threads().min(MAX_PARALLEL_ROOMS);
     let generator = generator.clone();
     let make = move |number: u64| order.get(number as usize).map(|&room| generator.record(room));
@@ -113,7 +114,7 @@ pub fn convert_to_shards(
     let todo: Vec<usize> = (0..total).filter(|&shard| !folder.has(shard)).collect();
     let samples_of = |shard: usize| shard * per_shard..dataset.len().min((shard + 1) * per_shard);
     let samples = todo.iter().map(|&shard| samples_of(shard).len()).sum();
-    let mut steps = Steps::begin(on_event, Stage::ReadSamples, samples);
+    let mut steps = Steps::begin(on_event, stages::READ_SAMPLES, samples);
     let mut written = 0;
     // One loader per run of consecutive missing shards, so that it prefetches across shards.
     'runs: for run in todo.chunk_by(|a, b| a + 1 == *b) {

@@ -23,6 +23,7 @@ mod published;
 mod record;
 mod sample;
 mod shard;
+pub mod stages;
 mod summary;
 mod truth;
 

@@ -9,7 +9,6 @@
 
 mod app;
 mod download;
-mod event_text;
 mod failure;
 mod guard;
 mod opening;
@@ -24,16 +23,17 @@ mod sequence_download;
 mod server;
 mod session_actor;
 mod upload;
+mod warning_text;
 mod worker;
 
 use std::net::{IpAddr, Ipv4Addr};
 
-pub use event_text::EventText;
 #[cfg(feature = "depth-models")]
 pub use opening::ReadDepthModel;
 pub use opening::{MakeEstimator, NamedFile, PhotoSource, Source};
 pub use origin::PublicOrigin;
 pub use server::run;
+pub use warning_text::WarningText;
 
 /// Options of the server.
 pub struct Options {
@@ -43,8 +43,8 @@ pub struct Options {
     pub port: u16,
     /// Token in the address; `None` generates a random one.
     pub token: Option<String>,
-    /// Text of stages and warnings.
-    pub text: EventText,
+    /// Formats warnings for the page.
+    pub warning_text: WarningText,
     /// Address of a proxy through which browsers reach the page.
     pub public_origin: Option<PublicOrigin>,
     /// Creates the estimator for photos; without one, only scenes can be opened.

@@ -12,7 +12,7 @@ use lo_geometry::Camera;
 use lo_imaging as imaging;
 use lo_session::OpenScene;
 
-use crate::event_text::EventText;
+use crate::warning_text::WarningText;
 
 /// File name of a scene that is not saved yet.
 const NEW_SCENE: &str = "room.scene";
@@ -80,7 +80,7 @@ impl Source {
         }
     }
 
-    pub(crate) fn open(self, text: &EventText, on_event: OnEvent<'_>) -> Result<Opened, String> {
+    pub(crate) fn open(self, warning_text: WarningText, on_event: OnEvent<'_>) -> Result<Opened, String> {
         let mut notes = Vec::new();
         let (document, file, is_saved) = match self {
             Self::Scene { file, bytes, is_saved } => {
@@ -90,7 +90,7 @@ impl Source {
             Self::Photo(source) => {
                 let collect_warnings = &mut |event: Event| {
                     if let Event::Warning(warning) = &event {
-                        notes.push((text.warning)(warning, &[]));
+                        notes.push(warning_text(&**warning, &[]));
                     }
                     on_event(event)
                 };
@@ -98,9 +98,7 @@ impl Source {
             }
         };
         let scene = OpenScene::new(file, document);
-        notes.extend(
-            scene.fitted.default_light().report().fit.warning().iter().map(|warning| (text.warning)(warning, &[])),
-        );
+        notes.extend(scene.fitted.default_light().report().fit.warning().map(|warning| warning_text(&warning, &[])));
         Ok(Opened { scene, is_saved, notes })
     }
 }

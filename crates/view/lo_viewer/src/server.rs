@@ -39,7 +39,7 @@ pub fn run(
         Some(token) => token.clone(),
         None => random_token()?,
     };
-    let session = SessionHandle::start(options.text, options.estimator.is_some())?;
+    let session = SessionHandle::start(options.warning_text, options.estimator.is_some())?;
     if let Some(source) = options.source {
         session.open(source);
     }

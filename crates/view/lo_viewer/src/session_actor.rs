@@ -11,12 +11,12 @@ use lightoctree::{Event, OnEvent};
 use lo_mesh::{Material, Model};
 use lo_session::{Files, OpenScene, Session, SessionError, overlay};
 
-use crate::event_text::EventText;
 use crate::failure::{Failure, guarded, stage_of};
 use crate::opening::{Opened, Source};
 use crate::outbox::{Outbox, Pages, send};
 use crate::outside::OutsideRequest;
 use crate::protocol::{FromPage, Preset, SceneInfo, ToPage};
+use crate::warning_text::WarningText;
 use crate::worker::{Change, ProbeRequest, Worker};
 
 /// Maximum number of pending messages.
@@ -58,12 +58,12 @@ impl SessionHandle {
     ///
     /// # Errors
     /// If the thread cannot be started.
-    pub fn start(text: EventText, can_estimate: bool) -> std::io::Result<Arc<Self>> {
+    pub fn start(warning_text: WarningText, can_estimate: bool) -> std::io::Result<Arc<Self>> {
         let (messages, receiver) = sync_channel(QUEUE);
         let handle = Arc::new(Self { messages, pages: Arc::default(), current: Mutex::default() });
         let actor = SessionActor {
             handle: handle.clone(),
-            text,
+            warning_text,
             can_estimate,
             status: Status::Nothing { error: None },
             attempt: 0,
@@ -127,7 +127,7 @@ impl SessionHandle {
 /// State of the session thread.
 struct SessionActor {
     handle: Arc<SessionHandle>,
-    text: EventText,
+    warning_text: WarningText,
     can_estimate: bool,
     status: Status,
     /// Number of the last attempt to open a scene.
@@ -315,7 +315,7 @@ impl SessionActor {
         let (attempt, file, stop) = (self.attempt, source.file(), Arc::new(AtomicBool::new(false)));
         self.status = Status::Opening { file: file.clone(), stop: stop.clone() };
         self.handle.pages.send(&self.status_message(), &[]);
-        let (handle, text) = (self.handle.clone(), self.text);
+        let (handle, warning_text) = (self.handle.clone(), self.warning_text);
         let job = move || {
             let mut sent = Instant::now();
             let mut last = None;
@@ -325,13 +325,13 @@ impl SessionActor {
                     && (last.as_ref() != Some(&stage) || sent.elapsed() > Duration::from_millis(100))
                 {
                     sent = Instant::now();
-                    let label = (text.stage)(&stage).into_owned();
+                    let name = stage.name().to_owned();
                     last = Some(stage);
-                    handle.pages.send(&ToPage::Opening { file: file.clone(), stage: label, done: Some(done) }, &[]);
+                    handle.pages.send(&ToPage::Opening { file: file.clone(), stage: name, done: Some(done) }, &[]);
                 }
                 if stop.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let opened = catch_unwind(AssertUnwindSafe(|| source.open(&text, &mut on_event as OnEvent<'_>)));
+            let opened = catch_unwind(AssertUnwindSafe(|| source.open(warning_text, &mut on_event as OnEvent<'_>)));
             let opened = opened.unwrap_or_else(|_| Err("internal error; see the terminal output".to_owned()));
             handle.send(Message::Opened(attempt, opened.map(Box::new)));
         };
@@ -358,8 +358,8 @@ impl SessionActor {
             };
             let session = Session::new(scene.clone()).map_err(|error| format!("{}: {error}", scene.file))?;
             let change = Change { number: self.change, sequence: 0, state: Arc::new(session.state().clone()) };
-            let worker =
-                Worker::start(scene, change, self.handle.pages.clone(), self.text).map_err(|e| e.to_string())?;
+            let worker = Worker::start(scene, change, self.handle.pages.clone(), self.warning_text)
+                .map_err(|e| e.to_string())?;
             Ok(Status::Scene { session: Box::new(session), worker, info: Box::new(info) })
         });
         match status {

@@ -12,12 +12,12 @@ use lo_session::{
     ImagePatch, LitSceneCache, OpenScene, Probe, RenderStep, Renderer, SessionError, State, outputs, probe_position,
 };
 
-use crate::event_text::EventText;
 use crate::failure::{Failure, guarded, stage_of};
 use crate::outbox::Pages;
 use crate::outside::OutsideQueue;
 use crate::protocol::{DRAFT_JPEG_QUALITY, ToPage};
 use crate::sequence_download::SequenceDownload;
+use crate::warning_text::WarningText;
 
 /// Refinement starts after this time without a change.
 const REFINE_DELAY: Duration = Duration::from_millis(150);
@@ -51,7 +51,7 @@ pub(crate) struct Worker {
     /// The running sequence download.
     pub sequence_download: SequenceDownload,
     pub pages: Arc<Pages>,
-    text: EventText,
+    warning_text: WarningText,
     state: Mutex<WorkerState>,
     changed: Condvar,
 }
@@ -78,7 +78,7 @@ impl Worker {
         scene: Arc<OpenScene>,
         change: Change,
         pages: Arc<Pages>,
-        text: EventText,
+        warning_text: WarningText,
     ) -> std::io::Result<Arc<Self>> {
         let (drafted, since) = (change.number, Instant::now());
         let state = WorkerState { change, since, drafted, finished: None, failed: None, probe: None, is_over: false };
@@ -87,7 +87,7 @@ impl Worker {
             outside: OutsideQueue::default(),
             sequence_download: SequenceDownload::default(),
             pages,
-            text,
+            warning_text,
             state: Mutex::new(state),
             changed: Condvar::new(),
         });
@@ -234,14 +234,14 @@ impl Worker {
     fn refine(&self, renderer: &mut Renderer, change: &Change) {
         for step in [RenderStep::Resting, RenderStep::Final] {
             let begun = Instant::now();
-            let mut warnings: Vec<Warning> = Vec::new();
+            let mut warnings: Vec<Arc<dyn Warning>> = Vec::new();
             let mut sent = Instant::now();
             let on_event = &mut |event: Event| {
                 if let (Some(done), Some(stage)) = (event.fraction(), stage_of(&event))
                     && sent.elapsed() > Duration::from_millis(100)
                 {
                     sent = Instant::now();
-                    let stage = (self.text.stage)(stage).into_owned();
+                    let stage = stage.name().to_owned();
                     self.pages.send(&ToPage::Progress { change: change.number, step, stage, done }, &[]);
                 }
                 if let Event::Warning(warning) = event {
@@ -258,7 +258,7 @@ impl Worker {
                 Ok(composite) => {
                     self.send_image(change, step, &composite, begun);
                     let names: Vec<String> = change.state.objects.iter().map(|object| object.name.clone()).collect();
-                    let notes = warnings.iter().map(|warning| (self.text.warning)(warning, &names)).collect();
+                    let notes = warnings.iter().map(|warning| (self.warning_text)(&**warning, &names)).collect();
                     self.pages.send(&ToPage::Notes { change: change.number, notes }, &[]);
                     if step == RenderStep::Final {
                         self.lock().finished = Some((change.number, Arc::new(composite)));

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use lo_dataset::{DatasetError, Generator, Sample, evenly_spread};
-use lo_events::{OnEvent, Stage, Steps};
+use lo_events::{OnEvent, Steps};
 use lo_geometry::Vec3;
 use lo_imaging::{Image, Photo, linear_from_srgb8, srgb8_from_linear};
 use lo_insert::{Align, Base, Composite, InsertError, Inserter, Instance, Lighting, Placement, Quality};
@@ -21,6 +21,7 @@ use super::objects::TestObject;
 use super::truth::{ObjectTruth, STRIDE, TrueRoom};
 use crate::method::{estimate_scene, in_photo_frame};
 use crate::sheet::NOTHING;
+use crate::stages;
 use crate::{Cost, DepthInput, MethodError, Outcome, Report, Scores, Sheet, Summary, Tools, memory};
 
 /// Largest number of rooms to generate per requested room: rooms without footprints are skipped.
@@ -102,7 +103,7 @@ impl<'a> InsertionEvaluation<'a> {
         let rows: Vec<usize> = evenly_spread(self.rooms, rows).collect();
         let (mut summary, mut sheet) = (Summary::default(), Sheet::default());
         let (mut done, mut unreadable, mut index) = (0, None, 0);
-        let mut steps = Steps::begin(on_event, Stage::EvaluatePhotos, self.rooms);
+        let mut steps = Steps::begin(on_event, stages::EVALUATE_PHOTOS, self.rooms);
         while done < self.rooms && index < MAX_ROOMS_PER_REQUESTED * self.rooms as u64 && !steps.cancelled() {
             let room = match self.room(index) {
                 Ok(room) => room,

@@ -1,8 +1,7 @@
-use lo_events::Warning;
 use lo_octree::{Octree, xyz_from_key};
 use rayon::prelude::*;
 
-use crate::light::LightInput;
+use crate::light::{LightInput, NetworkWarning};
 
 /// Logit above which nodes are split, a probability of a third. Needless splits cost little, but a hole in a wall is
 /// visible.
@@ -45,7 +44,7 @@ pub(super) fn close_sides(nonempty: &mut [bool], depth: u32, input: &LightInput)
 pub(super) struct Occupancy {
     pub nonempty: Vec<bool>,
     /// Deviation from the prediction, if any.
-    pub warning: Option<Warning>,
+    pub warning: Option<NetworkWarning>,
 }
 
 impl Occupancy {
@@ -81,10 +80,10 @@ impl Occupancy {
         let mut warning = None;
         if order.is_empty() {
             order.extend((0..score.len() as u32).max_by(|&a, &b| score[a as usize].total_cmp(&score[b as usize])));
-            warning = Some(Warning::NothingOccupied { depth });
+            warning = Some(NetworkWarning::NothingOccupied { depth });
         }
         if order.len() > max_count {
-            warning = Some(Warning::NodeBudget { depth, predicted: order.len(), kept: max_count });
+            warning = Some(NetworkWarning::NodeBudget { depth, predicted: order.len(), kept: max_count });
             order.sort_by(|&a, &b| score[b as usize].total_cmp(&score[a as usize]));
             order.truncate(max_count);
         }
@@ -122,7 +121,7 @@ mod tests {
         assert_eq!(occupancy.warning, None);
         let occupancy = Occupancy::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 3);
         assert_eq!(occupancy.nonempty, [true, false, true, false, true, false, false, false]);
-        assert_eq!(occupancy.warning, Some(Warning::NodeBudget { depth: 1, predicted: 5, kept: 3 }));
+        assert_eq!(occupancy.warning, Some(NetworkWarning::NodeBudget { depth: 1, predicted: 5, kept: 3 }));
     }
 
     #[test]
@@ -158,6 +157,6 @@ mod tests {
         let logits = [-1.0, -0.8, -3.0, -1.0, -1.0, -1.0, -1.0, -1.0];
         let occupancy = Occupancy::predicted(&logits, &Octree::full(1).unwrap(), &input(&[]), 8);
         assert_eq!(occupancy.nonempty.iter().position(|&label| label), Some(1));
-        assert_eq!(occupancy.warning, Some(Warning::NothingOccupied { depth: 1 }));
+        assert_eq!(occupancy.warning, Some(NetworkWarning::NothingOccupied { depth: 1 }));
     }
 }

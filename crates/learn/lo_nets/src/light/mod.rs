@@ -15,6 +15,7 @@ mod radiance;
 mod rays;
 mod refine;
 mod visible_point;
+mod warning;
 
 pub use channels::{MAX_RADIANCE, NODE_FEATURES};
 pub use config::LightNetConfig;
@@ -30,3 +31,4 @@ pub use radiance::{NodeLight, ObservedLight};
 pub use rays::Rays;
 pub(crate) use refine::ObservedDetail;
 pub use visible_point::VisiblePoint;
+pub use warning::NetworkWarning;

@@ -264,14 +264,13 @@ mod tests {
     use burn::module::{ModuleMapper, ModuleVisitor, Param};
     use burn::tensor::{DType, Gradients};
     use lo_cone::{Cone, ConeTracer, Settings};
-    use lo_events::Warning;
     use lo_geometry::{Camera, Cube, Vec3};
     use lo_imaging::RadianceImage;
     use lo_octree::{LightOctree, MAX_ALPHA, Provenance, RadiancePoint};
 
     use super::*;
     use crate::layers::glorot;
-    use crate::light::{LightLossConfig, LightLosses, Rays, VisiblePoint};
+    use crate::light::{LightLossConfig, LightLosses, NetworkWarning, Rays, VisiblePoint};
     use crate::testing::{numbers, recording_device, values};
 
     fn config(depth: u32) -> LightNetConfig {
@@ -371,7 +370,7 @@ mod tests {
         let output = all_split.forward(&input, None, Growth::Predicted).unwrap();
         let nodes = GraphLevel::all(&output.octree).pop().unwrap().len();
         assert!(nodes <= 4000 + 3 * 7, "{nodes}");
-        let over = |warning: &Warning| matches!(warning, Warning::NodeBudget { .. });
+        let over = |warning: &NetworkWarning| matches!(warning, NetworkWarning::NodeBudget { .. });
         assert!(output.warnings.iter().any(over), "{:?}", output.warnings);
         let (visible, grown) = (&input.visible.octree, &output.octree);
         let kept = |depth: u32| {

@@ -2,14 +2,13 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 use lo_cone::{Cone, Settings, TracerError};
-use lo_events::Warning;
 use lo_geometry::{Cube, Vec3};
 use lo_octree::{LightOctree, MAX_ALPHA, Octree};
 
 use crate::graph::{RowMap, select_rows};
 use crate::light::channels::{LIGHT_CHANNELS, LOBE_CHANNELS};
 use crate::light::lobes::{directions_to_viewer, gains};
-use crate::light::{LightError, ObservedLight};
+use crate::light::{LightError, NetworkWarning, ObservedLight};
 use crate::rendering::render;
 
 /// Opacity above which nodes count as opaque. Transmitting a few percent doubles a ray's samples without visible effect
@@ -26,7 +25,7 @@ pub struct LightOutput {
     /// Outputs for each depth from the full depth on.
     pub levels: Vec<LevelOutput>,
     /// Deviations from the prediction: node budget exceeded, nothing predicted.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<NetworkWarning>,
 }
 
 /// Output of the network at one depth.

@@ -3,7 +3,8 @@
 use std::time::{Duration, Instant};
 
 use lo_dataset::LoaderState;
-use lo_events::{Cancelled, Event, Stage};
+use lo_dataset::stages::READ_SAMPLES;
+use lo_events::{Cancelled, Event};
 use lo_nets::conv::{in_bf16, in_pool};
 use lo_nets::depth::panorama_image;
 use lo_random::RngExt;
@@ -53,7 +54,7 @@ impl Run<'_> {
             Prefetcher::start(dataset, &self.config.data, self.state.seed, Vec::new(), LoaderState::default(), prepare);
         let mut prefetcher = prefetcher.map_err(TrainError::io(self.folder))?;
         let (mut examples, mut unusable, begun) = (Vec::with_capacity(phase.photos), 0, Instant::now());
-        self.emit(Event::Begun(Stage::ReadSamples));
+        self.emit(Event::Begun(READ_SAMPLES));
         while examples.len() < phase.photos {
             if self.cancelled {
                 return Ok(None);
@@ -66,9 +67,9 @@ impl Run<'_> {
                 Err(skipped) => self.skip(skipped, &mut unusable)?,
             }
             let done = examples.len() as u64;
-            self.emit(Event::Progress { stage: Stage::ReadSamples, done, total: phase.photos as u64 });
+            self.emit(Event::Progress { stage: READ_SAMPLES, done, total: phase.photos as u64 });
         }
-        self.emit(Event::Done { stage: Stage::ReadSamples, took: begun.elapsed() });
+        self.emit(Event::Done { stage: READ_SAMPLES, took: begun.elapsed() });
         Ok(Some(examples))
     }
 

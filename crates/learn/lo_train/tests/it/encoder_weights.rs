@@ -5,12 +5,13 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::{Tensor, TensorData};
-use lo_events::{Event, Warning};
+use lo_events::Event;
 use lo_nets::checkpoint::{Checkpoint, Precision};
 use lo_nets::depth::{Encoder, EncoderKind};
 use lo_nets::{Device, Networks};
 use lo_train::{
-    CHECKPOINT_FILE, EncoderOrigin, InitialWeights, TrainConfig, TrainError, TrainRequest, read_encoder, train,
+    CHECKPOINT_FILE, EncoderOrigin, InitialWeights, TrainConfig, TrainError, TrainRequest, TrainingWarning,
+    read_encoder, train,
 };
 use safetensors::SafeTensors;
 
@@ -85,14 +86,12 @@ fn a_run_begins_with_them_and_says_whose_they_are() {
     let config = TrainConfig { encoder: EncoderKind::EfficientNetLite0, ..config() };
     let request = TrainRequest { folder: folder.path(), resume: false, seed: 5, start: InitialWeights::Encoder(&file) };
     let mut warnings = Vec::new();
-    let ended = train(&config, &request, &mut |event| {
-        if let Event::Warning(warning) = event {
-            warnings.push(warning);
-        }
+    let ended = train(&config, &request, &mut |event: Event| {
+        warnings.extend(event.warning().cloned());
         ControlFlow::Break(())
     });
     assert!(matches!(ended, Err(TrainError::Cancelled(_))));
-    let [Warning::UnpublishedEncoder { file: named, sha256 }] = &warnings[..] else { panic!("{warnings:?}") };
+    let [TrainingWarning::UnpublishedEncoder { file: named, sha256 }] = &warnings[..] else { panic!("{warnings:?}") };
     let checkpoint = Checkpoint::read(folder.path().join(CHECKPOINT_FILE)).unwrap();
     let origin = &checkpoint.state["training"]["encoder_origin"];
     assert_eq!((&origin["file"], &origin["sha256"]), (&named.as_str().into(), &sha256.as_str().into()));

@@ -15,7 +15,6 @@ mod solve;
 
 use std::borrow::Cow;
 
-use lo_events::Warning;
 use lo_geometry::Vec3;
 use lo_imaging::{Image, RadianceImage, luminance};
 use lo_octree::{LeafNode, LightOctree};
@@ -24,6 +23,7 @@ use lo_scene::Frame;
 use crate::highlights;
 use crate::irradiance::{irradiances, offset_m, tracer};
 use crate::lamps::OBJECT_SHARE;
+use crate::warning::CompletionWarning;
 use shading_samples::{ShadingSample, shading_samples};
 use solve::{Prior, Problem, Solution, solve};
 
@@ -68,13 +68,13 @@ impl Default for LampFit {
 
 impl LampFit {
     /// Returns the warning about a notable fit.
-    pub fn warning(&self) -> Option<Warning> {
+    pub fn warning(&self) -> Option<CompletionWarning> {
         let Self { lamps, lamps_share, clipped_lamps, clipped_share, surfaces } = *self;
         let lamps = (lamps_share > MIN_SHARE).then_some(lamps);
         let clipped_lamps = (clipped_share > MIN_SHARE).then_some(clipped_lamps);
         let notable =
             lamps.into_iter().chain(clipped_lamps).chain([surfaces]).any(|factor| factor.ln().abs() > NOTABLE);
-        notable.then_some(Warning::FittedLamps { lamps, lamps_share, clipped_lamps, clipped_share, surfaces })
+        notable.then_some(CompletionWarning::FittedLamps { lamps, lamps_share, clipped_lamps, clipped_share, surfaces })
     }
 }
 
@@ -350,7 +350,7 @@ mod tests {
         let odds = |share: f32| share / (1.0 - share);
         let expected = radiance / 12.0 / fit.surfaces * odds(true_share);
         assert!((odds(fit.lamps_share) / expected - 1.0).abs() < 0.3, "{expected}: {fit:?}");
-        assert!(matches!(fit.warning(), Some(Warning::FittedLamps { lamps: Some(_), .. })), "{fit:?}");
+        assert!(matches!(fit.warning(), Some(CompletionWarning::FittedLamps { lamps: Some(_), .. })), "{fit:?}");
     }
 
     #[test]

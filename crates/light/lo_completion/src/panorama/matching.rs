@@ -8,8 +8,8 @@ use lo_imaging::{Image, RadianceImage, luminance, resize_equirectangular, sample
 use lo_scene::{Frame, PanoramaSource};
 use rayon::prelude::*;
 
-use super::PanoramaPrior;
 use super::observed_rays::{ObservedRays, ObservedTexel};
+use super::{PanoramaPrior, PanoramaWarning};
 
 /// Matches below this confidence cause a warning. On rooms of seed 778 all but 6 % of other rooms' panoramas are below
 /// it, and none of the right ones where depth is measured. Of those beside the camera of a photo without depth, a tenth
@@ -84,6 +84,19 @@ impl PanoramaMatch {
             confidence: self.confidence,
             clipped: prior.clipped().is_some(),
         }
+    }
+
+    /// Returns the warning about a panorama that was not compared or matches poorly.
+    pub fn warning(&self) -> Option<PanoramaWarning> {
+        let Self { yaw_rad, confidence, compared, .. } = *self;
+        if !compared {
+            return Some(PanoramaWarning::NotCompared);
+        }
+        (confidence < MIN_CONFIDENCE).then(|| PanoramaWarning::PoorMatch {
+            confidence,
+            least: MIN_CONFIDENCE,
+            yaw_deg: yaw_rad.to_degrees(),
+        })
     }
 }
 

@@ -13,7 +13,9 @@ mod observed_rays;
 mod prior;
 mod rays;
 mod splitting;
+mod warning;
 
 pub use apply::{ApplyPanoramaError, PanoramaReport, apply_panorama};
 pub use matching::{MIN_CONFIDENCE, PanoramaMatch, match_panorama};
 pub use prior::{PanoramaError, PanoramaPrior};
+pub use warning::PanoramaWarning;

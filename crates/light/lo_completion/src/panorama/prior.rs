@@ -3,9 +3,10 @@
 use std::io::Read;
 use std::path::Path;
 
-use lo_events::Warning;
 use lo_geometry::{Orientation, Vec3};
 use lo_imaging::{Format, Image, ImageError, Photo, RadianceImage, reorient};
+
+use super::PanoramaWarning;
 
 /// Least number of rows of a panorama.
 const MIN_HEIGHT: usize = 16;
@@ -177,10 +178,10 @@ impl PanoramaPrior {
     }
 
     /// Returns the warnings about the panorama itself.
-    pub fn warnings(&self) -> Vec<Warning> {
+    pub fn warnings(&self) -> Vec<PanoramaWarning> {
         let pixels = self.radiance.pixels().len();
-        let cleaned = (self.cleaned > 0).then_some(Warning::PanoramaValues { cleaned: self.cleaned, pixels });
-        let clipped = self.clipped.as_ref().map(|mask| Warning::ClippedPanorama {
+        let cleaned = (self.cleaned > 0).then_some(PanoramaWarning::Values { cleaned: self.cleaned, pixels });
+        let clipped = self.clipped.as_ref().map(|mask| PanoramaWarning::Clipped {
             clipped_share: mask.pixels().iter().filter(|&&clipped| clipped).count() as f32 / pixels as f32,
         });
         [cleaned, clipped].into_iter().flatten().collect()

@@ -1,10 +1,10 @@
 //! A panorama of a room whose radiance is known in closed form.
 
 use lo_completion::{
-    ApplyPanoramaError, MIN_CONFIDENCE, PanoramaError, PanoramaMatch, PanoramaPrior, apply_panorama, match_panorama,
+    ApplyPanoramaError, MIN_CONFIDENCE, PanoramaError, PanoramaMatch, PanoramaPrior, PanoramaWarning, apply_panorama,
+    match_panorama,
 };
 use lo_cone::{ConeTracer, Settings};
-use lo_events::Warning;
 use lo_geometry::{Camera, Cube, Mat3, Orientation, Ray, Vec2, Vec3, direction_from_uv, pixel_solid_angle_sr};
 use lo_imaging::{DepthMap, Image, Photo, RadianceImage, luminance, view_rotation};
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
@@ -349,7 +349,7 @@ fn invalid_panoramas_are_rejected_and_bad_values_cleaned() {
     image[(3, 4)] = [f32::INFINITY, -1.0, 2.0];
     let mended = new(image).unwrap();
     assert_eq!(mended.radiance()[(3, 4)], [0.0, 0.0, 2.0]);
-    assert_eq!(mended.warnings(), [Warning::PanoramaValues { cleaned: 1, pixels: 2048 }]);
+    assert_eq!(mended.warnings(), [PanoramaWarning::Values { cleaned: 1, pixels: 2048 }]);
     for (bad, name) in [
         (mended.clone().at(Vec3::NAN), "position"),
         (with_hints(mended.clone(), None, Some(0.0)), "exposure"),
@@ -379,7 +379,7 @@ fn files_carry_clipping_and_orientation() {
     let read = PanoramaPrior::read(&png, Orientation::Lightoctree).unwrap();
     assert_eq!((read.file.as_str(), read.radiance()[(33, 0)][1]), ("a.png", 0.0));
     assert!(read.clipped().unwrap()[(11, 5)] && !read.clipped().unwrap()[(20, 5)]);
-    assert_eq!(read.warnings(), [Warning::ClippedPanorama { clipped_share: 4.0 / 2048.0 }]);
+    assert_eq!(read.warnings(), [PanoramaWarning::Clipped { clipped_share: 4.0 / 2048.0 }]);
     // OpenEXR's centre is this program's back.
     let turned = PanoramaPrior::read(&png, Orientation::Openexr).unwrap();
     assert_eq!(turned.radiance()[(1, 0)][1], 0.0);

@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 
 use lo_bsdf::{GgxSample, MIN_COSINE, MetallicRoughness, fresnel, specular_albedo, specular_transmittance};
 use lo_cone::Cone;
-use lo_events::{Cancelled, OnEvent, Stage};
+use lo_events::{Cancelled, OnEvent};
 use lo_geometry::{Mat3, Ray, Vec3, smoothstep};
 use rayon::prelude::*;
 
@@ -17,6 +17,7 @@ use crate::pattern::hammersley;
 use crate::shade::blocks::Blocks;
 use crate::shade::fragment_material::FragmentMaterial;
 use crate::shade::visibility::Fragment;
+use crate::stages;
 
 /// Perceptual roughness below which reflections are gathered from the whole environment, and above which light
 /// samples represent the lights; in between, both are mixed. Both are consistent; the first needs narrow cones, the
@@ -91,7 +92,7 @@ impl Shader<'_> {
         let wanted: Vec<usize> = (0..fragments.len())
             .filter(|&i| !fragments[i].point.unlit && (is_source[i] || !materials[i].shares_reflection))
             .collect();
-        let mut batches = Batches::new(on_event, Stage::Shading, receivers.len() + wanted.len());
+        let mut batches = Batches::new(on_event, stages::SHADING, receivers.len() + wanted.len());
         let cones = self.gatherer.directions.len();
         let gathered = batches.each(receivers.len(), cones, RECEIVERS_PER_TASK, |range| {
             self.gatherer.gather_parallel(&receivers[range])

@@ -27,6 +27,7 @@ use crate::shadow::backdrop::Backdrop;
 use crate::shadow::cap::Cap;
 use crate::shadow::ratio::ShadowRatio;
 use crate::shadow::silhouette::Silhouettes;
+use crate::stages;
 use crate::surface::observed_surfaces::{Surface, SurfaceMap};
 use crate::surface::receivers::{PATTERNS, Receivers, pattern_at};
 
@@ -136,7 +137,7 @@ impl ShadowField {
         let (width, height) = (self.receivers.width(), self.receivers.height());
         let all = Image::new(width, height, vec![true; width * height]);
         let on_event: OnEvent<'_> = &mut ignore;
-        let mut batches = Batches::new(on_event, Stage::CoarseShadow, height);
+        let mut batches = Batches::new(on_event, stages::COARSE_SHADOW, height);
         self.irradiance.complete(&self.receivers, environment, &all, &mut batches).expect("nobody cancels");
     }
 

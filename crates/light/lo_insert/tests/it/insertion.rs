@@ -4,12 +4,12 @@ use std::ops::ControlFlow;
 
 use crate::box_room::*;
 use lo_cone::{Cone, ConeTracer, Settings};
-use lo_events::{Event, Stage, Warning};
+use lo_events::Event;
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{
-    Align, Base, Composite, Ground, InsertError, Inserter, Instance, Lighting, ObservedSurfaces, Path, PathPlacement,
-    Placement, Quality,
+    Align, Base, Composite, Ground, InsertError, InsertWarning, Inserter, Instance, Lighting, ObservedSurfaces, Path,
+    PathPlacement, Placement, Quality, stages,
 };
 use lo_mesh::{AlphaMode, Material, PreparedModel};
 use lo_scene::{LitScene, Room, RoomPlane, Side};
@@ -259,7 +259,7 @@ fn real_surfaces_in_front_hide_the_object_and_holes_follow_the_photo() {
     }
     // Completely behind the board: a result with a warning
     let behind = in_air(Vec3::new(-0.6, 0.5, -2.5), 0.05);
-    assert_eq!(warnings(&inserter, &sphere(matte()), &behind), [Warning::ObjectHidden { object: 0 }]);
+    assert_eq!(warnings(&inserter, &sphere(matte()), &behind), [InsertWarning::ObjectHidden { object: 0 }]);
 }
 
 #[test]
@@ -302,12 +302,10 @@ fn where_depth_and_photo_differ_by_pixels_the_photo_tells_the_edge() {
 }
 
 /// Returns the inserter's warnings.
-fn warnings(inserter: &Inserter, model: &PreparedModel, placement: &Placement) -> Vec<Warning> {
+fn warnings(inserter: &Inserter, model: &PreparedModel, placement: &Placement) -> Vec<InsertWarning> {
     let mut warnings = Vec::new();
-    let hear = &mut |event| {
-        if let Event::Warning(warning) = event {
-            warnings.push(warning);
-        }
+    let hear = &mut |event: Event| {
+        warnings.extend(event.warning().cloned());
         ControlFlow::Continue(())
     };
     inserter.render(&[Instance::new(model, *placement)], hear).unwrap();
@@ -325,8 +323,14 @@ fn a_handler_can_end_a_picture_between_its_steps() {
     };
     let whole = whole.render(&[Instance::new(&model, place)], hear).unwrap();
     let done = events.iter().filter_map(|event| if let Event::Done { stage, .. } = event { Some(stage) } else { None });
-    let order =
-        [Stage::CoarseShadow, Stage::Radiosity, Stage::FineShadow, Stage::Visibility, Stage::Shading, Stage::Composite];
+    let order = [
+        stages::COARSE_SHADOW,
+        stages::RADIOSITY,
+        stages::FINE_SHADOW,
+        stages::VISIBILITY,
+        stages::SHADING,
+        stages::COMPOSITE,
+    ];
     assert!(done.eq(&order), "{events:?}");
     // One inserter, cancelled at every event: its cached light stays valid.
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Normal).unwrap();
@@ -533,9 +537,9 @@ fn odd_places_give_a_result_or_a_clear_error() {
         assert!(composite.shadow_ratio.pixels().iter().flatten().all(|c| c.is_finite()));
     }
     let behind = warnings(&inserter, &model, &in_air(Vec3::new(0.0, 0.0, 0.6), 0.1));
-    assert!(behind.contains(&Warning::ObjectOutsidePicture { object: 0 }), "{behind:?}");
+    assert!(behind.contains(&InsertWarning::ObjectOutsidePicture { object: 0 }), "{behind:?}");
     let far = warnings(&inserter, &model, &in_air(Vec3::new(0.0, 0.0, -30.0), 0.1));
-    assert!(far.contains(&Warning::ObjectOutsideOctree { object: 0 }), "{far:?}");
+    assert!(far.contains(&InsertWarning::ObjectOutsideOctree { object: 0 }), "{far:?}");
 
     assert!(matches!(
         Placement::rest_on_pixel(&scene, -1.0, 5.0, Align::Gravity),
@@ -673,7 +677,7 @@ fn an_object_over_an_edge_is_told() {
     assert_eq!(warnings(&inserter, &model, &at(0.0)), []);
     assert_eq!(warnings(&inserter, &model, &at(0.45)), []);
     let over = warnings(&inserter, &model, &at(0.62));
-    let [Warning::ObjectOverhangs { object: 0, supported }] = over[..] else { panic!("{over:?}") };
+    let [InsertWarning::ObjectOverhangs { object: 0, supported }] = over[..] else { panic!("{over:?}") };
     assert!((supported - 0.2).abs() < 0.12, "{supported}");
     // In the air it needs no support.
     assert_eq!(warnings(&inserter, &model, &Placement { support: None, ..at(0.62) }), []);

@@ -3,10 +3,10 @@
 use std::ops::ControlFlow;
 
 use crate::box_room::*;
-use lo_events::{Event, Warning};
+use lo_events::Event;
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::{Image, Photo};
-use lo_insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
+use lo_insert::{Composite, InsertError, InsertWarning, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lo_mesh::{AlphaMode, Material, PreparedModel};
 use lo_scene::LitScene;
 use proptest::prelude::*;
@@ -26,12 +26,10 @@ fn resting(x: f32, z: f32, radius: f32) -> Placement {
     Placement { support, ..in_air(Vec3::new(x, LOW.y + radius, z), radius) }
 }
 
-fn warnings(inserter: &Inserter, instances: &[Instance]) -> Vec<Warning> {
+fn warnings(inserter: &Inserter, instances: &[Instance]) -> Vec<InsertWarning> {
     let mut warnings = Vec::new();
-    let hear = &mut |event| {
-        if let Event::Warning(warning) = event {
-            warnings.push(warning);
-        }
+    let hear = &mut |event: Event| {
+        warnings.extend(event.warning().cloned());
         ControlFlow::Continue(())
     };
     inserter.render(instances, hear).unwrap();
@@ -344,13 +342,13 @@ fn warnings_and_errors_say_which_object() {
     let large = Instance::new(&model, in_air(Vec3::new(0.0, 0.0, -2.0), 0.5));
     let at = |x: f32, y: f32, z: f32, radius: f32| Instance::new(&model, in_air(Vec3::new(x, y, z), radius));
     let told = |instance| warnings(&inserter, &[large, instance]);
-    assert_eq!(told(at(0.0, 0.0, -3.2, 0.2)), [Warning::ObjectHidden { object: 1 }]);
-    assert_eq!(told(at(0.0, 0.0, 0.6, 0.2)), [Warning::ObjectOutsidePicture { object: 1 }]);
+    assert_eq!(told(at(0.0, 0.0, -3.2, 0.2)), [InsertWarning::ObjectHidden { object: 1 }]);
+    assert_eq!(told(at(0.0, 0.0, 0.6, 0.2)), [InsertWarning::ObjectOutsidePicture { object: 1 }]);
     // Far enough apart, touching, a third inside, and completely inside.
     assert_eq!(told(at(1.0, 0.0, -2.0, 0.3)), []);
     assert_eq!(told(at(0.799, 0.0, -2.0, 0.3)), []);
-    assert_eq!(told(at(0.6, 0.0, -2.0, 0.3)), [Warning::ObjectsIntersect { objects: [0, 1] }]);
-    let inside = [Warning::ObjectHidden { object: 1 }, Warning::ObjectsIntersect { objects: [0, 1] }];
+    assert_eq!(told(at(0.6, 0.0, -2.0, 0.3)), [InsertWarning::ObjectsIntersect { objects: [0, 1] }]);
+    let inside = [InsertWarning::ObjectHidden { object: 1 }, InsertWarning::ObjectsIntersect { objects: [0, 1] }];
     assert_eq!(told(at(0.1, 0.0, -2.0, 0.3)), inside);
     // On another object: its centre supports, positions over its edge do not, and thin objects on it do not intersect
     // it.
@@ -363,7 +361,7 @@ fn warnings_and_errors_say_which_object() {
     };
     assert_eq!(lying(0.0), []);
     let over = lying(0.36);
-    let [Warning::ObjectOverhangs { object: 1, supported }] = over[..] else { panic!("{over:?}") };
+    let [InsertWarning::ObjectOverhangs { object: 1, supported }] = over[..] else { panic!("{over:?}") };
     assert!((supported - 0.2).abs() < 0.12, "{supported}");
     let bad = Instance::new(&model, Placement { scale: f32::NAN, ..large.placement });
     let error = inserter.render(&[large, bad], &mut lo_events::ignore).unwrap_err();

@@ -1,0 +1,106 @@
+use std::fmt;
+
+use lo_events::Warning;
+
+/// Warnings of an estimate about its input.
+///
+/// The libraries below have their own: [`CompletionWarning`](lo_completion::CompletionWarning),
+/// [`PanoramaWarning`](lo_completion::PanoramaWarning), [`NetworkWarning`](lo_nets::light::NetworkWarning).
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum EstimateWarning {
+    /// Depth is predicted from the photo alone: distances, sizes and the up direction are uncertain.
+    PredictedDepth,
+    /// A depth model returned relative depth, which was fitted to the metric depth of the built-in depth network.
+    FittedDepth {
+        /// `a` of `1 / z = a · d + b`; 1 if the model returns the logarithm of depth.
+        scale: f64,
+        /// `b`.
+        offset: f64,
+        /// Share of pixels whose depth agrees with the built-in network's within a ratio of 1.25.
+        agree: f64,
+        /// Median ratio of the two depths, minus 1.
+        median_error: f64,
+    },
+    /// Points outside the octree's cube were discarded.
+    OutsideCube {
+        /// Number of discarded points.
+        outside: usize,
+        /// Number of all points.
+        points: usize,
+    },
+    /// Depths of two photos disagree where their poses make them overlap.
+    PosesDisagree {
+        /// Indices of the photos, from 0.
+        photos: [usize; 2],
+        /// Median relative difference of the depths.
+        disagreement: f32,
+    },
+    /// Photos overlap neither the first photo nor any photo compared with it: their relative exposures were assumed.
+    AssumedExposures {
+        /// Indices of the photos, from 0.
+        photos: Vec<usize>,
+    },
+}
+
+impl Warning for EstimateWarning {}
+
+impl fmt::Display for EstimateWarning {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::PredictedDepth => f.write_str(
+                "depth is predicted from the photo alone: distances and sizes are uncertain, and the up direction may \
+                 be off by some degrees",
+            ),
+            Self::FittedDepth { scale, offset, agree, median_error } => write!(
+                f,
+                "the depth model returns relative depth; it was fitted to the metric depth of the built-in network by \
+                 1/z = {scale:.4} d {offset:+.4}: {:.0} % of the pixels agree within a ratio of 1.25, the median \
+                 difference is {:.0} %",
+                100.0 * agree,
+                100.0 * median_error
+            ),
+            Self::OutsideCube { outside, points } => {
+                write!(f, "{outside} of {points} points are outside the octree's cube and were discarded")
+            }
+            Self::PosesDisagree { photos: [a, b], disagreement } => write!(
+                f,
+                "photos {} and {} overlap according to their poses, but their depths differ there by {:.0} %: check \
+                 the poses",
+                a + 1,
+                b + 1,
+                100.0 * disagreement
+            ),
+            Self::AssumedExposures { photos } => match &photos[..] {
+                [photo] => write!(
+                    f,
+                    "photo {} overlaps none of the photos before it, so its exposure is estimated from its brightness",
+                    photo + 1
+                ),
+                _ => {
+                    let photos: Vec<String> = photos.iter().map(|photo| (photo + 1).to_string()).collect();
+                    write!(
+                        f,
+                        "photos {} overlap none of the photos before them, so their exposures are estimated from their \
+                         brightness",
+                        photos.join(", ")
+                    )
+                }
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photos_are_numbered_from_one() {
+        let disagree = EstimateWarning::PosesDisagree { photos: [0, 2], disagreement: 0.085 };
+        assert!(disagree.to_string().starts_with("photos 1 and 3 overlap"), "{disagree}");
+        let assumed = |photos: &[usize]| EstimateWarning::AssumedExposures { photos: photos.to_vec() }.to_string();
+        assert!(assumed(&[1]).starts_with("photo 2 overlaps none"), "{}", assumed(&[1]));
+        assert!(assumed(&[1, 3]).starts_with("photos 2, 4 overlap none"), "{}", assumed(&[1, 3]));
+    }
+}
