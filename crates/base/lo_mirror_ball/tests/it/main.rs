@@ -1,4 +1,5 @@
 //! Unwraps photos of a mirror ball, rendered by an independent method, and compares with the panorama.
+#![allow(clippy::unwrap_used)]
 
 mod render;
 
