@@ -36,7 +36,7 @@ enum Action {
         /// File with the depth network
         #[arg(long, value_name = "FILE")]
         depth: PathBuf,
-        /// File with the light network
+        /// File with the light network, and with the expected-light network if it has one
         #[arg(long, value_name = "FILE")]
         light: PathBuf,
         #[command(flatten)]

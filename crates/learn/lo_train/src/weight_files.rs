@@ -93,12 +93,15 @@ pub fn average(files: &[PathBuf], to: &Path) -> Result<(), WeightsError> {
 
 /// Writes the depth network of one file and the light network of another as one weights file, in 16 bits.
 ///
+/// The expected-light network is that of `light`, or of `depth` if `light` has none.
+///
 /// # Errors
 /// Unreadable files; networks with global features of different lengths (names the tensor).
 pub fn merge(depth: &Path, light: &Path, to: &Path) -> Result<(), WeightsError> {
     let (from_depth, from_light) = (Checkpoint::read(depth)?, Checkpoint::read(light)?);
     let mut merged = Checkpoint::default();
-    for (from, network) in [(&from_depth, DEPTH_NET), (&from_light, LIGHT_NET)] {
+    let with_expected = if from_light.values_of(EXPECTED_NET) > 0 { &from_light } else { &from_depth };
+    for (from, network) in [(&from_depth, DEPTH_NET), (&from_light, LIGHT_NET), (with_expected, EXPECTED_NET)] {
         for (name, shape) in networks_of(from).filter(|(name, _)| is_of(name, network)) {
             merged.insert(name, shape, from.values(name).unwrap_or_default().to_vec());
         }
@@ -179,7 +182,7 @@ fn is_of(tensor: &str, network: &str) -> bool {
 
 /// Returns names and shapes of the networks' tensors, without training state.
 fn networks_of(checkpoint: &Checkpoint) -> impl Iterator<Item = (&str, &[usize])> {
-    checkpoint.shapes().filter(|(name, _)| is_of(name, DEPTH_NET) || is_of(name, LIGHT_NET))
+    checkpoint.shapes().filter(|(name, _)| [DEPTH_NET, LIGHT_NET, EXPECTED_NET].iter().any(|net| is_of(name, net)))
 }
 
 /// Checks that two checkpoints have the same tensors.

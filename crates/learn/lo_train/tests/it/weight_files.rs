@@ -18,7 +18,8 @@ fn config() -> LightNetConfig {
 /// Writes a file of untrained networks.
 fn networks(folder: &Path, seed: u64, config: &LightNetConfig) -> PathBuf {
     let path = folder.join(format!("{seed}.safetensors"));
-    let networks = Networks::new(EncoderKind::default(), config, seed, &Device::flex()).unwrap();
+    let mut networks = Networks::new(EncoderKind::default(), config, seed, &Device::flex()).unwrap();
+    networks.expected = Some(ExpectedLightNet::new(seed, &Device::flex()));
     networks.write(&path, Precision::Half).unwrap();
     path
 }
@@ -58,17 +59,23 @@ fn merging_takes_the_named_parts() {
         assert!(merged.values(name) == from.values(name), "{name}");
     }
     assert!(merged.shapes().eq(first.shapes()), "all tensors are there");
+    assert!(merged.has("expected_light.output.weights"));
     assert_eq!(merged.state, second.state);
+
+    // A light network without expected light keeps that of the file with the depth network.
+    let older = folder.path().join("older.safetensors");
+    Networks { expected: None, ..Networks::read(&b).unwrap() }.write(&older, Precision::Half).unwrap();
+    merge(&a, &older, &to).unwrap();
+    let merged = Checkpoint::read(&to).unwrap();
+    assert!(merged.values("expected_light.output.weights") == first.values("expected_light.output.weights"));
 }
 
 #[test]
 fn joined_parts_are_the_file_that_was_split() {
     let folder = tempfile::tempdir().unwrap();
-    let mut networks = Networks::new(EncoderKind::default(), &config(), 1, &Device::flex()).unwrap();
-    networks.expected = Some(ExpectedLightNet::new(1, &Device::flex()));
-    let [whole, encoder, heads, to] =
-        ["whole", "encoder", "heads", "joined"].map(|name| folder.path().join(name).with_extension("safetensors"));
-    networks.write(&whole, Precision::Half).unwrap();
+    let whole = networks(folder.path(), 1, &config());
+    let [encoder, heads, to] =
+        ["encoder", "heads", "joined"].map(|name| folder.path().join(name).with_extension("safetensors"));
     split(&whole, &encoder, &heads).unwrap();
     let [first, second] = [&encoder, &heads].map(|path| Checkpoint::read(path).unwrap());
     assert!(first.shapes().all(|(name, _)| name.starts_with("depth_net.encoder.")));
