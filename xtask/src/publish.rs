@@ -123,7 +123,9 @@ fn against_registry(fields: &Fields, folder: &Path) -> Vec<String> {
         problems.push(format!("`include` lacks {readme}"));
     }
     for path in &fields.include {
-        if !path.strip_prefix('/').is_some_and(|path| folder.join(path).exists()) {
+        // Of a pattern with a wildcard, its folder has to exist.
+        let fixed = path.split_once('*').map_or(path.as_str(), |(before, _)| before);
+        if !fixed.strip_prefix('/').is_some_and(|path| folder.join(path).exists()) {
             problems.push(format!("`include` lists {path}, which does not exist"));
         }
     }
