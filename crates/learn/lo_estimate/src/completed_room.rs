@@ -29,7 +29,7 @@ pub(crate) fn by_network(
         Some(global) => global.clone(),
         None => stage(on_event, stages::GLOBAL_LIGHT, || networks.global_light(&srgb8(&input.working.photo)))?,
     };
-    let observed = ObservedFrame::from_photos(&input.photos(), options.up, input.normals.as_ref())
+    let observed = ObservedFrame::from_photos(&input.working_frames(), input.observed(), options.up)
         .ok_or(EstimateError::NoUsableDepth)?;
     let filled = observed.points.len() - observed.surfels.len();
     filled_warning(observed.surfels.len(), filled).into_iter().try_for_each(|warning| warn(on_event, warning))?;
@@ -56,7 +56,7 @@ pub(crate) fn observed_only(
     on_event: OnEvent<'_>,
 ) -> Result<CompletedRoom, EstimateError> {
     let (points, cube) = stage(on_event, stages::COMPLETION, || {
-        let surfels: Vec<Surfel> = input.seen_photos().iter().flat_map(ObservedPhoto::surfels).collect();
+        let surfels: Vec<Surfel> = input.observed().iter().flat_map(ObservedPhoto::surfels).collect();
         let positions: Vec<Vec3> = surfels.iter().map(|surfel| surfel.position_m).collect();
         let points: Vec<RadiancePoint> = surfels.into_iter().map(RadiancePoint::from).collect();
         (points, place_cube(&positions))
@@ -73,7 +73,7 @@ pub(crate) fn by_shell(
     on_event: OnEvent<'_>,
 ) -> Result<CompletedRoom, EstimateError> {
     let shell_options = ShellOptions { up: options.up, octree_depth, ..ShellOptions::default() };
-    let shell = stage(on_event, stages::COMPLETION, || shell_of_photos(&input.seen_photos(), &shell_options))?;
+    let shell = stage(on_event, stages::COMPLETION, || shell_of_photos(input.observed(), &shell_options))?;
     shell.warnings().into_iter().try_for_each(|warning| warn(on_event, warning))?;
     let light = octree_from_points(&shell.points(), shell.cube, octree_depth, options, on_event)?;
     Ok(CompletedRoom { light, room: Some(shell.room), confidence: None })

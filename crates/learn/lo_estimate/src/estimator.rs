@@ -94,7 +94,8 @@ impl Estimator {
             Method::Shell => by_shell(&input, octree_depth, options, on_event)?,
             Method::None => observed_only(&input, octree_depth, options, on_event)?,
         };
-        let panorama = prior.map(|prior| apply_prior(&mut completed, prior, &input.working, on_event)).transpose()?;
+        let panorama =
+            prior.map(|prior| apply_prior(&mut completed, prior, &input.observed()[0], on_event)).transpose()?;
         let up = completed.room.as_ref().map(|room| room.up);
         let expected = match (&method, up) {
             (Method::Network(networks), Some(up)) => expected_light(networks, &input.working, up),

@@ -38,47 +38,37 @@ impl ObservedFrame {
     /// # Panics
     /// If `normals` differ in size from the depth map.
     pub fn new(working: &Frame, up: Option<Vec3>, normals: Option<&Image<Option<Vec3>>>) -> Option<Self> {
-        Self::from_photos(&[(working, RigidTransform::IDENTITY)], up, normals)
+        let mut observed = ObservedPhoto::new(working, RigidTransform::IDENTITY);
+        if let Some(normals) = normals {
+            observed.override_normals(normals);
+        }
+        Self::from_photos(&[working], &[observed], up)
     }
 
-    /// Prepares several frames, each with its pose in the first camera's frame. Returns `None` if no depth reading is
-    /// left.
+    /// Prepares several frames: each at the working resolution, and as an observed photo. Returns `None` if no depth
+    /// reading is left.
     ///
-    /// `up` and `normals` are as in [`ObservedFrame::new`]; `normals` belong to the first frame.
-    ///
-    /// # Panics
-    /// If `normals` differ in size from the first depth map.
-    pub fn from_photos(
-        photos: &[(&Frame, RigidTransform)],
-        up: Option<Vec3>,
-        normals: Option<&Image<Option<Vec3>>>,
-    ) -> Option<Self> {
-        let mut seen: Vec<ObservedPhoto> =
-            photos.iter().map(|(frame, pose)| ObservedPhoto::new(frame, *pose)).collect();
-        if let Some((first, normals)) = seen.first_mut().zip(normals) {
-            first.override_normals(normals);
-        }
-        let surfels: Vec<Surfel> = seen.iter().flat_map(ObservedPhoto::surfels).collect();
+    /// `up` is as in [`ObservedFrame::new`].
+    pub fn from_photos(working: &[&Frame], observed: &[ObservedPhoto], up: Option<Vec3>) -> Option<Self> {
+        let surfels: Vec<Surfel> = observed.iter().flat_map(ObservedPhoto::surfels).collect();
         if surfels.is_empty() {
             return None;
         }
         let positions: Vec<Vec3> = surfels.iter().map(|surfel| surfel.position_m).collect();
         let cube = place_cube(&positions);
         let enclosure = Enclosure::around(&surfels, &ShellOptions { up, ..ShellOptions::default() });
-        let mut each: Vec<Vec<VisiblePoint>> = seen
-            .iter()
-            .zip(photos)
-            .map(|(seen, (working, _))| visible_points(seen, working, &enclosure, cube))
-            .collect();
+        let photos = observed.iter().zip(working);
+        let mut each: Vec<Vec<VisiblePoint>> =
+            photos.map(|(photo, working)| visible_points(photo, working, &enclosure, cube)).collect();
         if each.len() > 1 {
             drop_clipped(&mut each, cube);
         }
-        let view = |(seen, points): (&ObservedPhoto, &Vec<VisiblePoint>)| PhotoView {
-            camera: seen.clean.camera,
-            camera_from_world: seen.first_from_camera.inverse(),
+        let view = |(photo, points): (&ObservedPhoto, &Vec<VisiblePoint>)| PhotoView {
+            camera: photo.clean.camera,
+            camera_from_world: photo.first_from_camera.inverse(),
             points: points.len(),
         };
-        let views: Vec<PhotoView> = seen.iter().zip(&each).map(view).collect();
+        let views: Vec<PhotoView> = observed.iter().zip(&each).map(view).collect();
         let camera = views[0].camera;
         Some(Self { points: each.concat(), camera, room: enclosure.room(), cube, surfels, views })
     }

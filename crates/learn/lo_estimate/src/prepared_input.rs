@@ -1,5 +1,7 @@
 //! Photos with depth, prepared at the resolutions of the estimation.
 
+use std::sync::OnceLock;
+
 use lo_completion::{up_from_predicted_depth, up_near};
 use lo_events::{OnEvent, stage, warn};
 use lo_geometry::{Camera, PerspectiveFit, RigidTransform, Vec3};
@@ -32,7 +34,9 @@ pub(crate) struct PreparedInput {
     /// Normals predicted by that network, at its resolution.
     predicted_normals: Option<Image<Vec3>>,
     /// These normals at working resolution.
-    pub normals: Option<Image<Option<Vec3>>>,
+    normals: Option<Image<Option<Vec3>>>,
+    /// [`Self::observed`], once computed.
+    observed: OnceLock<Vec<ObservedPhoto>>,
 }
 
 impl PreparedInput {
@@ -64,23 +68,26 @@ impl PreparedInput {
             model,
             predicted_normals: normals,
             normals: working_normals,
+            observed: OnceLock::new(),
         })
     }
 
-    /// Returns all photos at working resolution, each with its pose in the first camera's frame.
-    pub fn photos(&self) -> Vec<(&Frame, RigidTransform)> {
-        let others = self.others.iter().map(|(other, _)| (&other.frame, other.first_from_camera));
-        std::iter::once((&self.working, RigidTransform::IDENTITY)).chain(others).collect()
+    /// Returns all photos at working resolution.
+    pub fn working_frames(&self) -> Vec<&Frame> {
+        std::iter::once(&self.working).chain(self.others.iter().map(|(other, _)| &other.frame)).collect()
     }
 
-    /// Returns all photos in the form that completion takes.
-    pub fn seen_photos(&self) -> Vec<ObservedPhoto> {
-        let mut seen: Vec<ObservedPhoto> =
-            self.photos().into_iter().map(|(frame, pose)| ObservedPhoto::new(frame, pose)).collect();
-        if let Some(normals) = &self.normals {
-            seen[0].override_normals(normals);
-        }
-        seen
+    /// Returns all photos in the form that completion takes. Computed once.
+    pub fn observed(&self) -> &[ObservedPhoto] {
+        self.observed.get_or_init(|| {
+            let mut first = ObservedPhoto::new(&self.working, RigidTransform::IDENTITY);
+            if let Some(normals) = &self.normals {
+                first.override_normals(normals);
+            }
+            let others = self.others.iter();
+            let others = others.map(|(other, _)| ObservedPhoto::new(&other.frame, other.first_from_camera));
+            std::iter::once(first).chain(others).collect()
+        })
     }
 
     /// Returns what an estimate stores of the photos after the first.
@@ -117,7 +124,7 @@ impl PreparedInput {
         Ok(match self.perspective {
             Some(fit) if self.predicted_depth => Some((fit.camera.up, Some(fit.up_deviation_deg))),
             Some(fit) => {
-                let seen: Vec<Surfel> = self.seen_photos().iter().flat_map(ObservedPhoto::surfels).collect();
+                let seen: Vec<Surfel> = self.observed().iter().flat_map(ObservedPhoto::surfels).collect();
                 Some((up_near(&seen, fit.camera.up, fit.up_deviation_deg as f32), None))
             }
             None => self.predicted_depth.then(|| (self.voted_up(), None)),
@@ -168,6 +175,7 @@ fn with_predicted_depth(
         model: None,
         predicted_normals: None,
         normals: None,
+        observed: OnceLock::new(),
     })
 }
 
@@ -205,6 +213,7 @@ fn from_photos(
         model: None,
         predicted_normals: None,
         normals: None,
+        observed: OnceLock::new(),
     })
 }
 

@@ -2,7 +2,7 @@
 
 use lo_geometry::Cube;
 use lo_octree::{Ancestor, LightOctree, MAX_DEPTH, OctreeError};
-use lo_scene::Frame;
+use lo_scene::ObservedPhoto;
 
 use super::leaves::LeafSet;
 use super::rays::Rays;
@@ -59,7 +59,7 @@ pub enum ApplyPanoramaError {
     Octree(#[from] OctreeError),
 }
 
-/// Applies a panorama to a completed octree: leaves that the photo (`frame`, at [working resolution](Frame::working))
+/// Applies a panorama to a completed octree: leaves that the photo (at [working resolution](lo_scene::Frame::working))
 /// did not observe get the light that the panorama shows of them.
 ///
 /// - Rays from the panorama's position deposit their radiance on the leaves that they hit, weighted by each leaf's
@@ -83,7 +83,7 @@ pub fn apply_panorama(
     confidence: Option<&mut Vec<Vec<u8>>>,
     prior: &PanoramaPrior,
     found: &PanoramaMatch,
-    frame: &Frame,
+    photo: &ObservedPhoto,
 ) -> Result<PanoramaReport, ApplyPanoramaError> {
     let position_m = prior.position_m;
     if !light.cube.contains(position_m) {
@@ -91,7 +91,7 @@ pub fn apply_panorama(
         return Err(ApplyPanoramaError::Outside { x, y, z, cube: light.cube });
     }
     let rays = Rays::new(prior, found, PLANNING_COLUMNS);
-    let mut room = LeafSet::new(light, confidence.as_deref(), frame);
+    let mut room = LeafSet::new(light, confidence.as_deref(), photo);
     let mut budget = MAX_ADDED * room.leaves.len();
     let finest = (light.octree.depth() + EXTRA_DEPTH).min(MAX_DEPTH);
     let mut topology = light.clone();

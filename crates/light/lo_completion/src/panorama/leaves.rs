@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use lo_geometry::Vec3;
 use lo_octree::{LightOctree, MAX_ALPHA};
-use lo_scene::Frame;
+use lo_scene::ObservedPhoto;
 
 /// Depth and shuffled key.
 pub(super) type NodeKey = (u32, u32);
@@ -38,9 +38,9 @@ pub(super) struct Leaf {
 
 impl LeafSet {
     /// Collects the leaves of an octree, with `confidence` by depth and row if given. Leaves are open if the photo did
-    /// not observe them, or if all their pixels in `frame` are clipped.
-    pub fn new(light: &LightOctree, confidence: Option<&Vec<Vec<u8>>>, frame: &Frame) -> Self {
-        let certain = certain(light, frame);
+    /// not observe them, or if all their pixels in `photo` are clipped.
+    pub fn new(light: &LightOctree, confidence: Option<&Vec<Vec<u8>>>, photo: &ObservedPhoto) -> Self {
+        let certain = certain(light, photo);
         let levels = light.octree.levels().iter().zip(0..);
         let leaves = levels.flat_map(|(level, depth)| {
             let nodes = (0..level.len()).filter(|&node| level.rows[node] >= 0 && level.children[node] < 0);
@@ -119,8 +119,8 @@ impl Leaf {
 
 /// Returns, for the depth and row of each leaf that contains pixels with depth, whether any of these pixels is
 /// unclipped.
-fn certain(light: &LightOctree, frame: &Frame) -> HashMap<(u32, usize), bool> {
-    let (clipped, clean) = (frame.clipped(), frame.without_flying_pixels());
+fn certain(light: &LightOctree, photo: &ObservedPhoto) -> HashMap<(u32, usize), bool> {
+    let (clipped, clean) = (photo.clean.clipped(), &photo.clean);
     let mut certain = HashMap::new();
     let pixels = (0..clean.depth_m.height()).flat_map(|y| (0..clean.depth_m.width()).map(move |x| (x, y)));
     for (x, y) in pixels {

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use lo_geometry::{Mat3, Vec3};
 use lo_imaging::{Image, RadianceImage, luminance, resize_equirectangular, sample_equirectangular, view_rotation};
-use lo_scene::{Frame, PanoramaSource};
+use lo_scene::{ObservedPhoto, PanoramaSource};
 use rayon::prelude::*;
 
 use super::observed_rays::{ObservedRays, ObservedTexel};
@@ -100,8 +100,8 @@ impl PanoramaMatch {
     }
 }
 
-/// Aligns a panorama with the room, from a frame at [working resolution](Frame::working) and the unit vector against
-/// gravity.
+/// Aligns a panorama with the room, from a photo at [working resolution](lo_scene::Frame::working) and the unit vector
+/// against gravity.
 ///
 /// Compares the photo's unclipped pixels in the directions in which the panorama's position sees them. At the camera
 /// these are the pixels' directions; elsewhere they are those of the depth map's points that face the position and are
@@ -111,9 +111,9 @@ impl PanoramaMatch {
 /// exposure and white balance, on images of 64, 128 and 256 columns. All yaws and tilts of up to 10° are tried at the
 /// coarsest resolution, and the best are refined at the others. With a known yaw, only tilts are searched. The exposure
 /// is the median ratio of luminances. Deterministic.
-pub fn match_panorama(prior: &PanoramaPrior, frame: &Frame, up: Vec3) -> PanoramaMatch {
+pub fn match_panorama(prior: &PanoramaPrior, photo: &ObservedPhoto, up: Vec3) -> PanoramaMatch {
     let base = level_axes(up);
-    let rays = ObservedRays::new(frame, prior.position_m);
+    let rays = ObservedRays::new(photo, prior.position_m);
     let levels = COLUMNS.map(|columns| MatchLevel::new(&rays, prior, columns));
     let compared = levels[1].texels.len() >= MIN_TEXELS && !rays.is_dark();
     let level = YawPitchRoll { yaw: prior.yaw_rad.unwrap_or(0.0), ..YawPitchRoll::default() };

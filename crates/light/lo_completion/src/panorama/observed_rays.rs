@@ -2,7 +2,7 @@
 
 use lo_geometry::{Vec3, pixel_direction, pixel_solid_angle_sr, uv_from_direction};
 use lo_imaging::luminance;
-use lo_scene::Frame;
+use lo_scene::ObservedPhoto;
 
 /// Distance in metres from the camera below which a panorama sees the photo's pixels in the same directions, whatever
 /// the depth.
@@ -30,17 +30,17 @@ pub(crate) struct ObservedTexel {
 }
 
 impl ObservedRays {
-    /// Collects the unclipped pixels of a frame at working resolution.
-    pub fn new(frame: &Frame, from_m: Vec3) -> Self {
-        let (radiance, clipped) = (frame.radiance(), frame.clipped());
+    /// Collects the unclipped pixels of a photo at working resolution.
+    pub fn new(photo: &ObservedPhoto, from_m: Vec3) -> Self {
+        let ObservedPhoto { clean, normals, radiance, .. } = photo;
+        let clipped = clean.clipped();
         let pixels = (0..radiance.height()).flat_map(|y| (0..radiance.width()).map(move |x| (x, y)));
         let pixels = pixels.filter(|&at| !clipped[at]);
         if from_m.length() < AT_CAMERA_M {
-            let direction = |(x, y): (usize, usize)| frame.camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+            let direction = |(x, y): (usize, usize)| clean.camera.direction(x as f64 + 0.5, y as f64 + 0.5);
             return Self(pixels.map(|at| (direction(at), radiance[at])).collect());
         }
-        let clean = frame.without_flying_pixels();
-        let (normals, camera) = (clean.normals(), clean.depth_camera());
+        let camera = clean.depth_camera();
         let seen = pixels.filter_map(|at| {
             let (z, normal) = (clean.depth_m[at], normals[at]?);
             let point = camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(z));

@@ -5,10 +5,12 @@ use lo_completion::{
     match_panorama,
 };
 use lo_cone::{ConeTracer, Settings};
-use lo_geometry::{Camera, Cube, Mat3, Orientation, Ray, Vec2, Vec3, direction_from_uv, pixel_solid_angle_sr};
+use lo_geometry::{
+    Camera, Cube, Mat3, Orientation, Ray, RigidTransform, Vec2, Vec3, direction_from_uv, pixel_solid_angle_sr,
+};
 use lo_imaging::{DepthMap, Image, Photo, RadianceImage, luminance, view_rotation};
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
-use lo_scene::Frame;
+use lo_scene::{Frame, ObservedPhoto};
 
 /// The room: 4 m × 2.6 m × 5 m around the camera.
 const LOW: Vec3 = Vec3::new(-1.7, -1.3, -3.1);
@@ -19,6 +21,10 @@ const LAMP: [Vec2; 2] = [Vec2::new(0.4, 0.5), Vec2::new(0.8, 1.1)];
 
 /// Position at which the panorama is taken.
 const PLACE: Vec3 = Vec3::new(0.3, 0.1, -0.6);
+
+fn observed(frame: &Frame) -> ObservedPhoto {
+    ObservedPhoto::new(frame, RigidTransform::IDENTITY)
+}
 
 /// Returns the point at which a ray from inside hits the walls.
 fn hit(origin: Vec3, direction: Vec3) -> Vec3 {
@@ -140,7 +146,7 @@ fn the_room_sends_what_the_panorama_shows_and_lamps_keep_their_peaks() {
     let image = panorama(PLACE, Mat3::IDENTITY, 1024, |p| wall(p, 1.0, 10_000.0).map(|c| 4.0 * c));
     let mut light = before.clone();
     let begun = std::time::Instant::now();
-    let report = apply_panorama(&mut light, None, &prior(image), &upright(0.25), &frame).unwrap();
+    let report = apply_panorama(&mut light, None, &prior(image), &upright(0.25), &observed(&frame)).unwrap();
     eprintln!(
         "applied in {:?}: {} leaves, {} split, {} at the side, lamps × {}, of {}",
         begun.elapsed(),
@@ -234,7 +240,7 @@ fn a_lamp_smaller_than_a_leaf_keeps_its_flux() {
     let up = (1024 * 3 / 4 + 300) % 1024;
     image[(up, 60)] = [10_000.0; 3];
     let expected = flux(&image, |_| true);
-    apply_panorama(&mut light, None, &prior(image), &upright(1.0), &frame).unwrap();
+    apply_panorama(&mut light, None, &prior(image), &upright(1.0), &observed(&frame)).unwrap();
     let got = seen_from(&light, PLACE, 512);
     // Without observed surfaces, which have their own light.
     let lamp = flux(&got, |i| luminance(got.pixels()[i]) > 1.0);
@@ -261,7 +267,8 @@ fn open_rays_end_at_the_cubes_side_and_hidden_leaves_are_scaled() {
     let mut light = before.clone();
     let image = panorama(PLACE, Mat3::IDENTITY, 256, |_| [0.4, 0.4, 0.4]);
     let mut confidence: Vec<Vec<u8>> = before.rgba.iter().map(|rows| vec![100; rows.len()]).collect();
-    let report = apply_panorama(&mut light, Some(&mut confidence), &prior(image), &upright(1.0), &frame).unwrap();
+    let report =
+        apply_panorama(&mut light, Some(&mut confidence), &prior(image), &upright(1.0), &observed(&frame)).unwrap();
     assert!(report.added > 1000, "{}", report.added);
     same_where_seen(&before, &light);
     // 0.4 over the completed radiance, per channel; the blue channel at its bound.
@@ -294,7 +301,7 @@ fn yaw_tilt_and_exposure_are_found_at_the_camera_and_elsewhere() {
             let turn = view_rotation(yaw.to_radians(), pitch.to_radians(), roll.to_radians());
             let image = panorama(place, turn, 512, |p| wall(p, room, 10_000.0).map(|c| 3.0 * c));
             let own = prior(image).at(place);
-            let found = match_panorama(&own, &frame, up);
+            let found = match_panorama(&own, &observed(&frame), up);
             let error = found.world_from_panorama * turn.transpose();
             let angle = (0.5 * (error.x_axis.x + error.y_axis.y + error.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos();
             // A texel of the finest image has 1.4°.
@@ -303,12 +310,12 @@ fn yaw_tilt_and_exposure_are_found_at_the_camera_and_elsewhere() {
             assert!(found.confidence > MIN_CONFIDENCE, "{}", found.confidence);
             // A given yaw is used unchanged, and a wrong one is detected.
             let hinted = with_hints(own, Some(1.0 + yaw.to_radians()), Some(0.5));
-            let wrong = match_panorama(&hinted, &frame, up);
+            let wrong = match_panorama(&hinted, &observed(&frame), up);
             assert_eq!((wrong.pitch_rad, wrong.exposure), (0.0, 0.5));
             assert!(wrong.confidence < MIN_CONFIDENCE, "{}", wrong.confidence);
             // So is another room.
             let other = panorama(place, turn, 512, |p| wall(p, room + 4.3, 10_000.0));
-            let other = match_panorama(&prior(other).at(place), &frame, up);
+            let other = match_panorama(&prior(other).at(place), &observed(&frame), up);
             assert!(other.confidence < MIN_CONFIDENCE, "{}", other.confidence);
         }
     }
@@ -326,14 +333,14 @@ fn a_tilted_cameras_panorama_is_level_in_the_room() {
     let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap();
     let yaw = view_rotation(0.7, 0.0, 0.0);
     let image = panorama(Vec3::ZERO, yaw, 512, |p| wall(p, 1.0, 5.0));
-    let found = match_panorama(&prior(image.clone()).at(Vec3::ZERO), &frame, tilt * Vec3::Y);
+    let found = match_panorama(&prior(image.clone()).at(Vec3::ZERO), &observed(&frame), tilt * Vec3::Y);
     assert!(
         (found.yaw_rad - 0.7).abs() < 0.01 && found.pitch_rad.abs() < 0.01 && found.roll_rad.abs() < 0.01,
         "{found:?}"
     );
     // With this orientation given, nothing is searched, and the result is the same.
     let hinted = with_hints(prior(image).at(Vec3::ZERO), Some(0.7), None);
-    let hinted = match_panorama(&hinted, &frame, tilt * Vec3::Y);
+    let hinted = match_panorama(&hinted, &observed(&frame), tilt * Vec3::Y);
     assert!((hinted.world_from_panorama * Vec3::NEG_Z - tilt * yaw * Vec3::NEG_Z).length() < 1e-5);
     assert!(hinted.confidence > MIN_CONFIDENCE);
 }
@@ -359,7 +366,7 @@ fn invalid_panoramas_are_rejected_and_bad_values_cleaned() {
     }
     let frame = frame(1.0);
     let far = mended.at(Vec3::new(0.0, 9.0, 0.0));
-    let error = apply_panorama(&mut guessed(&frame, 5), None, &far, &upright(1.0), &frame).unwrap_err();
+    let error = apply_panorama(&mut guessed(&frame, 5), None, &far, &upright(1.0), &observed(&frame)).unwrap_err();
     assert!(matches!(error, ApplyPanoramaError::Outside { y: 9.0, .. }));
     assert!(error.to_string().contains("(0.00, 9.00, 0.00)"), "{error}");
 }
