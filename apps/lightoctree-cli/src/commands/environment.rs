@@ -30,7 +30,7 @@ static TONE_CURVES: [Choice<ToneCurve>; 3] = [
 
 /// Options of a rendered panorama.
 #[derive(Clone, Debug, clap::Args)]
-pub struct PanoramaArgs {
+pub struct EnvironmentArgs {
     /// Width and height in pixels; the width is twice the height
     #[arg(long, value_name = "WxH", default_value = "512x256", value_parser = super::parse::size)]
     pub size: [usize; 2],

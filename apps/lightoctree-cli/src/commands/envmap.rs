@@ -10,7 +10,7 @@ use lo_imaging::{EnvironmentLayout, RadianceImage};
 use lo_insert as insert;
 use serde_json::json;
 
-use super::environment::{self, PanoramaArgs, PanoramaRenderer};
+use super::environment::{self, EnvironmentArgs, PanoramaRenderer};
 use super::level::OutputFrame;
 use super::light::LightArgs;
 use super::parse;
@@ -55,7 +55,7 @@ pub struct Args {
     lift: f64,
 
     #[command(flatten)]
-    panorama: PanoramaArgs,
+    panorama: EnvironmentArgs,
 
     /// Write a cubemap instead of an equirectangular map: six faces of H/2 pixels, stacked in OpenEXR's order
     #[arg(long)]

@@ -15,7 +15,7 @@ use lo_scene::Completion;
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
-use super::panorama_prior::{self, PanoramaArgs};
+use super::panorama_prior::{self, PanoramaPriorArgs};
 use super::parse;
 use super::photos::{self, PhotosArgs};
 use crate::args::{Global, OutputArgs};
@@ -95,7 +95,7 @@ pub struct Args {
     up: Option<Vec3>,
 
     #[command(flatten)]
-    panorama: PanoramaArgs,
+    panorama: PanoramaPriorArgs,
 
     #[command(flatten)]
     out: OutputArgs,

@@ -15,7 +15,7 @@ use crate::progress::Stages;
 /// Options of a panorama of the room.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Panorama of the room")]
-pub struct PanoramaArgs {
+pub struct PanoramaPriorArgs {
     /// Equirectangular panorama of the same room, which lights unobserved regions: HDR, EXR, PFM (linear) or JPEG, PNG
     /// (clipped)
     ///
@@ -41,7 +41,7 @@ pub struct PanoramaArgs {
     panorama_exposure_ev: Option<f64>,
 }
 
-impl PanoramaArgs {
+impl PanoramaPriorArgs {
     /// Reads the panorama, if one is given.
     pub fn read(&self, stages: &mut Stages) -> anyhow::Result<Option<PanoramaPrior>> {
         let Some(path) = &self.panorama else { return Ok(None) };

@@ -11,7 +11,7 @@ use lo_insert as insert;
 use lo_insert::PathPlacement;
 use serde_json::json;
 
-use super::environment::{self, PanoramaArgs};
+use super::environment::{self, EnvironmentArgs};
 use super::level::OutputFrame;
 use super::light::LightArgs;
 use super::parse;
@@ -56,7 +56,7 @@ pub struct Args {
     points: Option<PathBuf>,
 
     #[command(flatten)]
-    panorama: PanoramaArgs,
+    panorama: EnvironmentArgs,
 
     /// File format of the environment maps
     #[arg(long, value_name = "EXT", default_value = "exr", value_parser = ["exr", "hdr", "pfm"])]

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::Context;
 #[cfg(feature = "depth-models")]
 use lo_viewer::ReadDepthModel;
-use lo_viewer::{MakeEstimator, NamedFile, Options, PhotoSource, PublicOrigin, Source};
+use lo_viewer::{MakeEstimator, NamedFile, Options, PhotoSource, PublicOrigin, SceneSource};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
@@ -101,7 +101,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 }
 
 /// Reads the scene or photo to open. Scenes are recognised by their content.
-fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyhow::Result<Source> {
+fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyhow::Result<SceneSource> {
     let bytes = read(input)?;
     if is_scene(&bytes) {
         let has_photo_options =
@@ -111,7 +111,7 @@ fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyho
                 "--depth, --depth-model, --panorama and --intrinsics apply to photos, but the input is a scene";
             return Err(Usage(message.into()).into());
         }
-        return Ok(Source::Scene { file: input.display().to_string(), bytes, is_saved: true });
+        return Ok(SceneSource::Scene { file: input.display().to_string(), bytes, is_saved: true });
     }
     let Some(estimator) = estimator else {
         return Err(Usage(
@@ -127,7 +127,7 @@ fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyho
     let optional = |path: &Option<PathBuf>| {
         path.as_deref().map(|path| Ok::<_, anyhow::Error>(file(path, read(path)?))).transpose()
     };
-    Ok(Source::Photo(PhotoSource {
+    Ok(SceneSource::Photo(PhotoSource {
         photo: file(input, bytes),
         depth: optional(&args.depth)?,
         #[cfg(feature = "depth-models")]

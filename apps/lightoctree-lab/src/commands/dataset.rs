@@ -39,11 +39,11 @@ enum Action {
 
 /// Selects a dataset.
 #[derive(Debug, clap::Args)]
-struct Source {
+struct DatasetArgs {
     /// Dataset folder, or a single shard (.tar)
     dataset: PathBuf,
 
-    /// DatasetLayout of the files [default: detected]
+    /// Layout of the files [default: detected]
     #[arg(long, value_name = "NAME")]
     layout: Option<LayoutName>,
 
@@ -114,7 +114,7 @@ impl SplitName {
     lightoctree-lab dataset inspect rooms --json | jq .summary.figures")]
 struct InspectArgs {
     #[command(flatten)]
-    source: Source,
+    source: DatasetArgs,
 
     /// Inspect at most this many samples, evenly spread
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -130,7 +130,7 @@ struct InspectArgs {
     To resume after a stop, run the same command again: finished shards are kept.")]
 struct ConvertArgs {
     #[command(flatten)]
-    source: Source,
+    source: DatasetArgs,
 
     /// Samples per shard
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
@@ -149,7 +149,7 @@ struct ConvertArgs {
 #[command(after_help = "Example:\n  lightoctree-lab dataset preview rooms --photos 48 --panoramas 24 -o sheet.png")]
 struct PreviewArgs {
     #[command(flatten)]
-    source: Source,
+    source: DatasetArgs,
 
     /// Number of photos
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(0..=1000))]
@@ -185,7 +185,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
 }
 
-impl Source {
+impl DatasetArgs {
     /// Opens the dataset; at least one sample.
     fn open(&self, global: &Global) -> anyhow::Result<(DatasetLayout, Arc<dyn Dataset>)> {
         let layout = match self.layout {

@@ -22,11 +22,11 @@ pub struct ModelConfig {
     /// Display name of the model.
     pub name: Option<String>,
     /// Meaning of the output.
-    pub kind: Option<Kind>,
+    pub kind: Option<OutputKind>,
     /// Name of the input for the photo. Default: the only input with four axes.
     pub input: Option<String>,
     /// Order of the input's axes. Default: `nchw`.
-    pub layout: Option<Layout>,
+    pub layout: Option<AxisOrder>,
     /// Order of the channels, `rgb` or `bgr`. Default: `rgb`.
     pub channels: Option<Channels>,
     /// Value of white before mean and deviation are applied: 1 or 255. Default: 1.
@@ -55,7 +55,7 @@ pub struct ModelConfig {
 /// Meaning of a model's output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub enum OutputKind {
     /// Metres along the optical axis.
     Metric,
     /// `1 / z` up to scale and shift.
@@ -69,14 +69,14 @@ pub enum Kind {
 /// Order of an image tensor's axes: batch (N), channels (C), height (H), width (W).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Layout {
+pub enum AxisOrder {
     /// Channels first.
     Nchw,
     /// Channels last.
     Nhwc,
 }
 
-impl Layout {
+impl AxisOrder {
     /// Axes of channels, height and width.
     pub(crate) const fn axes(self) -> [usize; 3] {
         match self {

@@ -24,20 +24,20 @@ pub(crate) fn input_size(photo: (usize, usize)) -> (usize, usize) {
 
 /// Meaning of the output, recognised by the last operators before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum Variant {
     /// Metres: a sigmoid times the largest depth.
     Metric,
     /// Affine inverse depth, not negative.
     Relative,
 }
 
-/// Recognises the kind by the last activation, given operators from the output backwards. Names and shapes are the same
-/// for both kinds.
-pub(crate) fn kind<'a>(backwards: impl IntoIterator<Item = &'a str>) -> Option<Kind> {
+/// Recognises the variant by the last activation, given operators from the output backwards. Names and shapes are the same
+/// for both variants.
+pub(crate) fn variant<'a>(backwards: impl IntoIterator<Item = &'a str>) -> Option<Variant> {
     for operator in backwards {
         match operator {
-            "Sigmoid" => return Some(Kind::Metric),
-            "Relu" => return Some(Kind::Relative),
+            "Sigmoid" => return Some(Variant::Metric),
+            "Relu" => return Some(Variant::Relative),
             "Mul" | "Squeeze" | "Unsqueeze" | "Reshape" | "Transpose" | "Identity" | "Cast" | "Resize" | "Slice" => {}
             _ => return None,
         }
@@ -85,11 +85,11 @@ mod tests {
 
     #[test]
     fn the_last_activation_tells_metric_from_relative() {
-        assert_eq!(kind(["Squeeze", "Mul", "Sigmoid", "Conv"]), Some(Kind::Metric));
-        assert_eq!(kind(["Squeeze", "Mul", "Relu", "Conv", "Sigmoid"]), Some(Kind::Relative));
-        assert_eq!(kind(["Relu"]), Some(Kind::Relative));
-        assert_eq!(kind(["Squeeze", "Conv", "Relu"]), None);
-        assert_eq!(kind([]), None);
+        assert_eq!(variant(["Squeeze", "Mul", "Sigmoid", "Conv"]), Some(Variant::Metric));
+        assert_eq!(variant(["Squeeze", "Mul", "Relu", "Conv", "Sigmoid"]), Some(Variant::Relative));
+        assert_eq!(variant(["Relu"]), Some(Variant::Relative));
+        assert_eq!(variant(["Squeeze", "Conv", "Relu"]), None);
+        assert_eq!(variant([]), None);
     }
 
     #[test]

@@ -24,7 +24,7 @@ mod metric3d;
 mod moge;
 mod robust;
 
-pub use config::{Channels, Focal, Kind, Layout, ModelConfig, SizeRule};
+pub use config::{AxisOrder, Channels, Focal, ModelConfig, OutputKind, SizeRule};
 pub use error::ModelError;
 pub use model::DepthModel;
 pub use prediction::{FieldOfView, Geometry, Prediction};

@@ -17,7 +17,7 @@ use crate::preprocess::{input_dims, input_size, prepared};
 use crate::recipe::Recipe;
 use crate::runtime::{Array, Loaded, Runtime};
 use crate::stages;
-use crate::{FieldOfView, Geometry, Kind, ModelConfig, ModelError, Prediction, depth_anything, metric3d, moge};
+use crate::{FieldOfView, Geometry, ModelConfig, ModelError, OutputKind, Prediction, depth_anything, metric3d, moge};
 
 /// Largest file in bytes.
 const MAX_FILE_BYTES: u64 = 1 << 31;
@@ -117,22 +117,22 @@ impl DepthModel {
     }
 
     /// Meaning of its output.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> OutputKind {
         self.recipe.kind
     }
 
     /// Whether it predicts the field of view if no camera is given.
     pub fn predicts_field_of_view(&self) -> bool {
-        self.recipe.kind == Kind::Points
+        self.recipe.kind == OutputKind::Points
     }
 
     /// Whether its depth is in metres. Otherwise metric depth of the same photo is needed to convert it
     /// ([`crate::affine`]).
     pub fn is_metric(&self) -> bool {
         match self.recipe.kind {
-            Kind::Metric => true,
-            Kind::Points => self.recipe.scale.is_some(),
-            Kind::InverseAffine | Kind::Log => false,
+            OutputKind::Metric => true,
+            OutputKind::Points => self.recipe.scale.is_some(),
+            OutputKind::InverseAffine | OutputKind::Log => false,
         }
     }
 
@@ -218,7 +218,7 @@ impl DepthModel {
         let mask = recipe.mask.as_ref().map(|name| outputs.scalars(name)).transpose()?;
         let mut field_of_view = None;
         let geometry = match recipe.kind {
-            Kind::Metric => {
+            OutputKind::Metric => {
                 let depth = outputs.scalars(output)?;
                 let focal = camera.zip(recipe.canonical_focal_px);
                 let mut depth_m = match focal {
@@ -231,7 +231,7 @@ impl DepthModel {
                 masked(&mut depth_m, mask.as_ref(), 0.0);
                 Geometry::Metric(depth_m)
             }
-            Kind::InverseAffine => {
+            OutputKind::InverseAffine => {
                 let mut inverse = outputs.scalars(output)?;
                 if recipe.family.starts_with("Depth Anything") {
                     inverse = depth_anything::inverse(&inverse);
@@ -239,12 +239,12 @@ impl DepthModel {
                 masked(&mut inverse, mask.as_ref(), f32::NAN);
                 Geometry::AffineInverse(inverse)
             }
-            Kind::Log => {
+            OutputKind::Log => {
                 let mut log = outputs.scalars(output)?;
                 masked(&mut log, mask.as_ref(), f32::NAN);
                 Geometry::Log(log)
             }
-            Kind::Points => {
+            OutputKind::Points => {
                 let points = outputs.vectors(output)?;
                 let unusable =
                     |error: moge::PointsError| ModelError::Output { output: short(output), why: error.to_string() };

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::metric3d::Letterbox;
 use crate::recipe::Recipe;
 use crate::runtime::Array;
-use crate::{Layout, SizeRule};
+use crate::{AxisOrder, SizeRule};
 
 /// A model's input, and where the photo is in it.
 pub(crate) struct Prepared {
@@ -22,10 +22,10 @@ pub(crate) fn input_size(recipe: &Recipe, photo: (usize, usize)) -> (usize, usiz
 }
 
 /// Sizes of the input's axes.
-pub(crate) fn input_dims(layout: Layout, (width, height): (usize, usize)) -> Vec<usize> {
+pub(crate) fn input_dims(layout: AxisOrder, (width, height): (usize, usize)) -> Vec<usize> {
     match layout {
-        Layout::Nchw => vec![1, 3, height, width],
-        Layout::Nhwc => vec![1, height, width, 3],
+        AxisOrder::Nchw => vec![1, 3, height, width],
+        AxisOrder::Nhwc => vec![1, height, width, 3],
     }
 }
 
@@ -46,10 +46,10 @@ pub(crate) fn prepared(recipe: &Recipe, photo: &Image<[u8; 3]>) -> Prepared {
     let value = |pixel: &[f32; 3], channel: usize| (pixel[channel] * scale - mean[channel]) / deviation[channel];
     let channel = |index: usize| if recipe.bgr { 2 - index } else { index };
     let values = match recipe.layout {
-        Layout::Nchw => {
+        AxisOrder::Nchw => {
             (0..3).flat_map(|index| image.pixels().iter().map(move |pixel| value(pixel, channel(index)))).collect()
         }
-        Layout::Nhwc => image
+        AxisOrder::Nhwc => image
             .pixels()
             .par_iter()
             .flat_map_iter(|pixel| (0..3).map(move |index| value(pixel, channel(index))))

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use crate::config::{Channels, Focal, ModelConfig};
 use crate::onnx::{Data, Dim, Element, Graph, Tensor};
-use crate::{Kind, Layout, ModelError, SizeRule, depth_anything, metric3d};
+use crate::{AxisOrder, ModelError, OutputKind, SizeRule, depth_anything, metric3d};
 
 /// Number of tokens for MoGe-2: its exporter's default, of 1200 to 3600.
 const MOGE_TOKENS: i64 = 1800;
@@ -22,7 +22,7 @@ pub(crate) struct Recipe {
     /// Display name of the family.
     pub family: String,
     pub input: String,
-    pub layout: Layout,
+    pub layout: AxisOrder,
     /// Whether blue comes first.
     pub bgr: bool,
     /// Value of white before mean and deviation.
@@ -34,7 +34,7 @@ pub(crate) struct Recipe {
     pub size: SizeRule,
     /// Further inputs, each one integer.
     pub integers: Vec<(String, i64)>,
-    pub kind: Kind,
+    pub kind: OutputKind,
     /// Name of the output with depth or points.
     pub output: String,
     pub normals: Option<String>,
@@ -94,7 +94,7 @@ impl Recipe {
         let mut recipe = family.unwrap_or_else(|| Self {
             family: String::new(),
             input: if let [only] = images[..] { only.to_owned() } else { String::new() },
-            layout: Layout::Nchw,
+            layout: AxisOrder::Nchw,
             bgr: false,
             white: 1.0,
             mean: [0.0; 3],
@@ -103,7 +103,7 @@ impl Recipe {
             // Replaced below, by the config or by the file.
             size: SizeRule::Fixed { width: 0, height: 0 },
             integers: Vec::new(),
-            kind: Kind::Metric,
+            kind: OutputKind::Metric,
             output: if let [only] = &graph.outputs[..] { only.name.clone() } else { String::new() },
             normals: None,
             normals_kappa: None,
@@ -207,7 +207,7 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
     let plain = Recipe {
         family: String::new(),
         input: String::new(),
-        layout: Layout::Nchw,
+        layout: AxisOrder::Nchw,
         bgr: false,
         white: 1.0,
         mean: [0.0; 3],
@@ -215,7 +215,7 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
         padding: None,
         size: SizeRule::DepthAnything,
         integers: Vec::new(),
-        kind: Kind::Metric,
+        kind: OutputKind::Metric,
         output: String::new(),
         normals: None,
         normals_kappa: None,
@@ -230,7 +230,7 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
             input: "image".to_owned(),
             size: SizeRule::LongerSide { longer_side: MOGE_LONGER_SIDE, multiple: 1 },
             integers: integer("num_tokens").then(|| ("num_tokens".to_owned(), MOGE_TOKENS)).into_iter().collect(),
-            kind: Kind::Points,
+            kind: OutputKind::Points,
             output: points,
             normals: output("normal"),
             mask: output("mask"),
@@ -272,15 +272,15 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
         [("pixel_values", "predicted_depth", patches != Some(false)), ("image", "depth", patches == Some(true))]
     {
         let (true, true, Some(depth)) = (alone && known, input(image), output(depth)) else { continue };
-        let kind = depth_anything::kind(backwards(graph, &depth)).or_else(|| {
+        let variant = depth_anything::variant(backwards(graph, &depth)).or_else(|| {
             let name = file_name.to_ascii_lowercase();
             let metric = ["metric", "indoor", "outdoor"].iter().any(|word| name.contains(word));
-            let by_name = if metric { depth_anything::Kind::Metric } else { depth_anything::Kind::Relative };
+            let by_name = if metric { depth_anything::Variant::Metric } else { depth_anything::Variant::Relative };
             (patches == Some(true)).then_some(by_name)
         })?;
-        let (name, kind) = match kind {
-            depth_anything::Kind::Metric => ("Depth Anything V2, metric", Kind::Metric),
-            depth_anything::Kind::Relative => ("Depth Anything V2, relative", Kind::InverseAffine),
+        let (name, kind) = match variant {
+            depth_anything::Variant::Metric => ("Depth Anything V2, metric", OutputKind::Metric),
+            depth_anything::Variant::Relative => ("Depth Anything V2, relative", OutputKind::InverseAffine),
         };
         return Some(Recipe {
             family: name.to_owned(),

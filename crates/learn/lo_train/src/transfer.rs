@@ -64,7 +64,7 @@ mod tests {
         let old = LightNet::new(&coarse, 1, &device).unwrap();
         let new = transfer_stages(&old, &coarse, &finest, 2, &device).unwrap();
         let same = |a: &burn::tensor::Tensor<2>, b: &burn::tensor::Tensor<2>| a.to_data() == b.to_data();
-        let first = |stage: &lo_nets::light::Stage| stage.blocks[0].first.weights.val();
+        let first = |stage: &lo_nets::light::BlockStage| stage.blocks[0].first.weights.val();
         // The encoder stage of depth 5 is the second of the new network and the first of the old one.
         assert!(same(&first(&new.encoder[1]), &first(&old.encoder[0])));
         assert!(same(&first(&new.encoder[2]), &first(&old.encoder[1])));

@@ -3,7 +3,7 @@
 use lo_geometry::{Quat, Vec2, Vec3};
 
 use crate::chance::{between, chance};
-use crate::layout::{Footprint, rotated_yaw};
+use crate::occupancy::{Footprint, rotated_yaw};
 use crate::palette::Finish;
 use crate::photometry::{self, Glow};
 use crate::plan::{Opening, OpeningKind};
@@ -101,10 +101,10 @@ fn open_leaf(builder: &mut RoomBuilder, wall: usize, opening: &Opening, glazed: 
         let footprint = Footprint::of_box(min, max, yaw, at);
         // The kept-free volume in front of its own door may overlap the leaf.
         if builder.plan.contains(at + rotated_yaw(Vec2::new(width, 0.0), yaw), 0.05)
-            && builder.layout.is_clear(&builder.plan, &footprint.expanded(-0.03), [0.0, opening.h[1]])
-            && builder.layout.leaves_passages(&footprint, [0.0, opening.h[1]])
+            && builder.occupancy.is_clear(&builder.plan, &footprint.expanded(-0.03), [0.0, opening.h[1]])
+            && builder.occupancy.leaves_passages(&footprint, [0.0, opening.h[1]])
         {
-            builder.layout.occupy(footprint, [0.0, opening.h[1]]);
+            builder.occupancy.occupy(footprint, [0.0, opening.h[1]]);
             builder.add_shape("open door", Support::Building, &door, Quat::from_rotation_y(yaw), origin);
             return;
         }

@@ -7,7 +7,7 @@ use lo_geometry::{Quat, Vec2, Vec3};
 use crate::chance::{between, chance, count, pick, weighted};
 use crate::description::{LightingMode, RoomKind};
 use crate::furniture::{hang, put_on};
-use crate::layout::Footprint;
+use crate::occupancy::Footprint;
 use crate::photometry::Glow;
 use crate::room_builder::{RoomBuilder, Support, WallPosition};
 use fixtures::Lamp;
@@ -178,8 +178,8 @@ fn mount_fixture(builder: &mut RoomBuilder, fixture: CeilingFixture, at: Vec2, g
     let low = (top + min.y).min(top - 0.012);
     let y = [low, if pendant { low + 0.3 } else { top - 0.01 }];
     let level = footprint.corners().iter().all(|&c| builder.plan.ceiling(c) > top - 0.01);
-    if (pendant || level) && builder.layout.is_clear(&builder.plan, &footprint, y) {
-        builder.layout.occupy(footprint, y);
+    if (pendant || level) && builder.occupancy.is_clear(&builder.plan, &footprint, y) {
+        builder.occupancy.occupy(footprint, y);
         add_lamp(builder, &lamp, Support::Ceiling, Quat::IDENTITY, Vec3::new(at.x, top, at.y));
     }
 }

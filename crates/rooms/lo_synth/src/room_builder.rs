@@ -7,7 +7,7 @@ use lo_geometry::{Quat, Vec2, Vec3};
 use lo_random::Stream;
 
 use crate::chance::{between, count, weighted};
-use crate::layout::{Footprint, Layout, rotated_yaw};
+use crate::occupancy::{Footprint, Occupancy, rotated_yaw};
 use crate::palette::Palette;
 use crate::plan::Plan;
 use crate::solids::Shape;
@@ -101,7 +101,7 @@ pub(crate) struct RoomBuilder {
     pub plan: Plan,
     pub palette: Palette,
     pub random: Stream,
-    pub layout: Layout,
+    pub occupancy: Occupancy,
     pub shape: Shape,
     pub objects: Vec<PlacedObject>,
     pub surfaces: Vec<PlacedSurface>,
@@ -117,12 +117,12 @@ pub(crate) struct RoomBuilder {
 
 impl RoomBuilder {
     pub(crate) fn new(plan: Plan, palette: Palette, random: Stream) -> Self {
-        let layout = Layout::new(&plan);
+        let occupancy = Occupancy::new(&plan);
         Self {
             plan,
             palette,
             random,
-            layout,
+            occupancy,
             shape: Shape::default(),
             objects: Vec::new(),
             surfaces: Vec::new(),
@@ -234,7 +234,7 @@ impl RoomBuilder {
             let yaw = 0.5 * PI * count(&mut self.random, 0, 3) as f32;
             let (low, high) = group_bounds(group);
             let footprint = Footprint::of_box(low, high, yaw, p).expanded(margin_m);
-            if !self.layout.fits(&self.plan, &footprint, [low.y.max(0.0), high.y]) {
+            if !self.occupancy.fits(&self.plan, &footprint, [low.y.max(0.0), high.y]) {
                 continue;
             }
             if let Some(placed) = self.try_place(group, yaw, Vec3::new(p.x, 0.0, p.y), 0.0) {
@@ -250,16 +250,16 @@ impl RoomBuilder {
         let at = Vec2::new(origin.x, origin.z);
         let footprint = Footprint::of_box(min, max, yaw_rad, at);
         let y = [min.y.max(0.0), max.y];
-        if !self.layout.fits(&self.plan, &footprint, y) || !self.layout.leaves_passages(&footprint, y) {
+        if !self.occupancy.fits(&self.plan, &footprint, y) || !self.occupancy.leaves_passages(&footprint, y) {
             return None;
         }
         if front_m > 0.0 {
             let before = Vec3::new(min.x, 0.0, max.z);
             let front = Footprint::of_box(before, Vec3::new(max.x, 0.0, max.z + front_m), yaw_rad, at);
-            if !self.layout.is_clear(&self.plan, &front, [0.02, 1.6]) {
+            if !self.occupancy.is_clear(&self.plan, &front, [0.02, 1.6]) {
                 return None;
             }
-            self.layout.keep_free(front, [0.02, 1.6]);
+            self.occupancy.keep_free(front, [0.02, 1.6]);
         }
         let mut placed = Vec::with_capacity(group.len());
         for (piece, offset, yaw) in group {
@@ -267,11 +267,11 @@ impl RoomBuilder {
             let object = self.add_piece(piece, Support::Floor, yaw_rad + yaw, Vec3::new(moved.x, 0.0, moved.y));
             let (min, max) = piece.shape.bounds();
             let own = Footprint::of_box(min, max, yaw_rad + yaw, moved);
-            self.layout.occupy_for(own, [min.y.max(0.0), max.y], Some(object));
+            self.occupancy.occupy_for(own, [min.y.max(0.0), max.y], Some(object));
             placed.push(object);
         }
         // Keeps later objects out of the gaps inside the group.
-        self.layout.keep_free(footprint, y);
+        self.occupancy.keep_free(footprint, y);
         Some(placed)
     }
 

@@ -4,7 +4,7 @@ use lo_geometry::{Quat, Vec2, Vec3};
 use lo_transport::Portal;
 
 use crate::chance::{between, chance, count, weighted};
-use crate::layout::Footprint;
+use crate::occupancy::Footprint;
 use crate::palette::Finish;
 use crate::plan::{Opening, Wall};
 use crate::room_builder::{Piece, RoomBuilder, Support};
@@ -133,7 +133,7 @@ fn occupy(builder: &mut RoomBuilder, wall: usize, min: Vec3, max: Vec3) {
     let origin = builder.plan.walls[wall].point(0.0, 0.0, 0.0);
     let yaw = builder.plan.walls[wall].yaw_rad();
     let footprint = Footprint::of_box(min, max, yaw, Vec2::new(origin.x, origin.z));
-    builder.layout.occupy(footprint, [min.y, max.y]);
+    builder.occupancy.occupy(footprint, [min.y, max.y]);
 }
 
 /// Adds a rod with a curtain on either side, partly drawn, and sometimes a net curtain behind.
@@ -150,7 +150,7 @@ fn curtains(builder: &mut RoomBuilder, wall: usize, opening: &Opening, night: bo
         let at = builder.plan.walls[wall].point(0.0, 0.0, 0.0);
         let yaw = builder.plan.walls[wall].yaw_rad();
         let footprint = Footprint::of_box(space[0], space[1], yaw, Vec2::new(at.x, at.z));
-        builder.layout.fits(&builder.plan, &footprint.expanded(-0.001), [bottom, top + 0.05])
+        builder.occupancy.fits(&builder.plan, &footprint.expanded(-0.001), [bottom, top + 0.05])
     };
     if !free {
         return;
@@ -294,8 +294,8 @@ fn radiator(builder: &mut RoomBuilder, wall: usize, opening: &Opening) {
     let yaw = builder.plan.walls[wall].yaw_rad();
     let (min, max) = (Vec3::new(a, 0.0, 0.0), Vec3::new(b, top, 0.16));
     let footprint = Footprint::of_box(min, max, yaw, Vec2::new(origin.x, origin.z));
-    if builder.layout.fits(&builder.plan, &footprint.expanded(-0.002), [0.0, top]) {
-        builder.layout.occupy(footprint, [0.0, top]);
+    if builder.occupancy.fits(&builder.plan, &footprint.expanded(-0.002), [0.0, top]) {
+        builder.occupancy.occupy(footprint, [0.0, top]);
         builder.add_to_wall("radiator", Support::Wall, &shape, wall);
     }
 }

@@ -30,7 +30,7 @@ use std::net::{IpAddr, Ipv4Addr};
 
 #[cfg(feature = "depth-models")]
 pub use opening::ReadDepthModel;
-pub use opening::{MakeEstimator, NamedFile, PhotoSource, Source};
+pub use opening::{MakeEstimator, NamedFile, PhotoSource, SceneSource};
 pub use origin::PublicOrigin;
 pub use server::run;
 pub use warning_text::WarningText;
@@ -50,7 +50,7 @@ pub struct Options {
     /// Creates the estimator for photos; without one, only scenes can be opened.
     pub estimator: Option<MakeEstimator>,
     /// Opened at the start.
-    pub source: Option<Source>,
+    pub source: Option<SceneSource>,
 }
 
 impl Options {

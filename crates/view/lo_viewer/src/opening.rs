@@ -25,7 +25,7 @@ pub type MakeEstimator = Arc<dyn Fn() -> Result<Estimator, String> + Send + Sync
 pub type ReadDepthModel = Box<dyn FnOnce() -> Result<DepthModel, String> + Send>;
 
 /// Source of a scene.
-pub enum Source {
+pub enum SceneSource {
     /// A scene file.
     Scene {
         /// Path on the command line.
@@ -71,7 +71,7 @@ pub(crate) struct Opened {
     pub notes: Vec<String>,
 }
 
-impl Source {
+impl SceneSource {
     /// Returns the file name for messages.
     pub(crate) fn file(&self) -> String {
         match self {

@@ -12,7 +12,7 @@ use lo_mesh::{Material, Model};
 use lo_session::{Files, OpenScene, Session, SessionError, overlay};
 
 use crate::failure::{Failure, guarded, stage_of};
-use crate::opening::{Opened, Source};
+use crate::opening::{Opened, SceneSource};
 use crate::outbox::{Outbox, Pages, send};
 use crate::outside::OutsideRequest;
 use crate::protocol::{FromPage, Preset, SceneInfo, ToPage};
@@ -29,7 +29,7 @@ enum Message {
     /// An uploaded mesh to add to the photo.
     Mesh(Box<UploadedMesh>),
     /// A request to open a scene.
-    Open(Source),
+    Open(SceneSource),
     /// Number of the attempt to open a scene, and its result.
     Opened(u64, Result<Box<Opened>, String>),
 }
@@ -97,7 +97,7 @@ impl SessionHandle {
     }
 
     /// Requests to open a scene.
-    pub fn open(&self, source: Source) {
+    pub fn open(&self, source: SceneSource) {
         self.send(Message::Open(source));
     }
 
@@ -306,7 +306,7 @@ impl SessionActor {
         self.changed();
     }
 
-    fn open(&mut self, source: Source) {
+    fn open(&mut self, source: SceneSource) {
         if let Status::Opening { stop, .. } = &self.status {
             stop.store(true, Ordering::SeqCst);
         }

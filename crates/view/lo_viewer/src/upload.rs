@@ -13,7 +13,7 @@ use percent_encoding::percent_decode_str;
 
 use crate::app::App;
 use crate::session_actor::UploadedMesh;
-use crate::{NamedFile, PhotoSource, Source};
+use crate::{NamedFile, PhotoSource, SceneSource};
 
 /// Header with the percent-encoded file name. Other sites' pages cannot set it without a CORS preflight.
 const NAME: &str = "x-file-name";
@@ -76,7 +76,7 @@ pub(crate) async fn upload(
             }
         }
         "scene" => {
-            app.session.open(Source::Scene { file: name, bytes, is_saved: true });
+            app.session.open(SceneSource::Scene { file: name, bytes, is_saved: true });
             StatusCode::NO_CONTENT.into_response()
         }
         "photo" => {
@@ -88,7 +88,7 @@ pub(crate) async fn upload(
                 let key = files.keys().find(|key| key.starts_with(kind)).cloned()?;
                 Some(NamedFile { bytes: files.remove(&key)?, name: key[kind.len()..].to_owned() })
             };
-            app.session.open(Source::Photo(PhotoSource {
+            app.session.open(SceneSource::Photo(PhotoSource {
                 photo: NamedFile { name, bytes },
                 depth: take("depth/"),
                 #[cfg(feature = "depth-models")]

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-use lo_depth_models::{DepthModel, Geometry, Kind, ModelConfig, ModelError, Prediction, affine};
+use lo_depth_models::{DepthModel, Geometry, ModelConfig, ModelError, OutputKind, Prediction, affine};
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image};
 use safetensors::SafeTensors;
@@ -390,7 +390,7 @@ fn configs_of_the_documents_can_be_read() {
     let configs: Vec<_> = page.split("```toml\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect();
     assert!(configs.len() >= 5, "at least one for each kind");
     let kinds: Vec<_> = configs.iter().map(|config| ModelConfig::parse(config).unwrap().kind.unwrap()).collect();
-    for kind in [Kind::Metric, Kind::InverseAffine, Kind::Log, Kind::Points] {
+    for kind in [OutputKind::Metric, OutputKind::InverseAffine, OutputKind::Log, OutputKind::Points] {
         assert!(kinds.contains(&kind), "{kind:?}");
     }
 }

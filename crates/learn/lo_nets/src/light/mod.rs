@@ -24,7 +24,7 @@ pub use free_space::FreeSpace;
 pub use growth::Growth;
 pub use input::{LightInput, ambient_light};
 pub use losses::{LightLossConfig, LightLosses, RayLosses};
-pub use network::{LightNet, Stage};
+pub use network::{BlockStage, LightNet};
 pub use output::{LevelOutput, LightOutput};
 pub use photo_view::PhotoView;
 pub use radiance::{NodeLight, ObservedLight};

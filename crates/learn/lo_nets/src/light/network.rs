@@ -31,13 +31,13 @@ pub struct LightNet {
     /// Normalisation of its output.
     pub input_norm: Norm,
     /// Encoder stages, the finest first.
-    pub encoder: Vec<Stage>,
+    pub encoder: Vec<BlockStage>,
     /// Layers between the encoder's stages, the finest first.
     pub down: Vec<DownSample>,
     /// Layers between the decoder's stages, the coarsest first.
     pub up: Vec<UpSample>,
     /// Decoder stages after the coarsest, the coarsest first.
-    pub decoder: Vec<Stage>,
+    pub decoder: Vec<BlockStage>,
     /// Occupancy heads, for each depth from the full depth on.
     pub prediction: Vec<Head>,
     /// Heads of radiance, opacity and error, for each depth from the full depth on.
@@ -50,12 +50,12 @@ pub struct LightNet {
 
 /// A stage of residual blocks.
 #[derive(Module, Debug)]
-pub struct Stage {
+pub struct BlockStage {
     /// Blocks in order.
     pub blocks: Vec<ResBlock>,
 }
 
-impl Stage {
+impl BlockStage {
     fn new(config: &LightNetConfig, depth: u32, stream: &mut Stream, device: &Device) -> Self {
         let channels = config.stage_channels(depth);
         let size = [channels, channels / config.bottleneck];
@@ -92,14 +92,14 @@ impl LightNet {
             global: Linear::new([config.global_features, config.global_channels], stream, device),
             input: GraphConv::new([inputs, width(config.depth)], config.depths(config.depth), stream, device),
             input_norm: Norm::new(width(config.depth), groups, device),
-            encoder: stages.iter().rev().map(|&depth| Stage::new(config, depth, stream, device)).collect(),
+            encoder: stages.iter().rev().map(|&depth| BlockStage::new(config, depth, stream, device)).collect(),
             down: (stages.windows(2).rev())
                 .map(|pair| DownSample::new([width(pair[1]), width(pair[0])], groups, stream, device))
                 .collect(),
             up: (stages.windows(2))
                 .map(|pair| UpSample::new([width(pair[0]), width(pair[1])], groups, stream, device))
                 .collect(),
-            decoder: stages[1..].iter().map(|&depth| Stage::new(config, depth, stream, device)).collect(),
+            decoder: stages[1..].iter().map(|&depth| BlockStage::new(config, depth, stream, device)).collect(),
             prediction: stages.iter().map(|&depth| head(depth, &[SPLIT_BIAS], stream)).collect(),
             regression: stages.iter().map(|&depth| head(depth, &raw_bias, stream)).collect(),
             full_depth: config.full_depth as usize,

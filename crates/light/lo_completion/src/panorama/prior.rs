@@ -62,7 +62,7 @@ pub enum PanoramaError {
     Black,
     /// The position is not finite.
     #[error("its position is NaN or infinite")]
-    Place,
+    Position,
     /// The exposure is not a positive finite factor.
     #[error("its exposure must be finite and greater than 0, got {0}")]
     Exposure(f32),
@@ -193,7 +193,7 @@ impl PanoramaPrior {
     /// The first invalid value.
     pub fn check(&self) -> Result<(), PanoramaError> {
         if !self.position_m.is_finite() {
-            return Err(PanoramaError::Place);
+            return Err(PanoramaError::Position);
         }
         if let Some(exposure) = self.exposure.filter(|exposure| !(exposure.is_finite() && *exposure > 0.0)) {
             return Err(PanoramaError::Exposure(exposure));

@@ -4,7 +4,7 @@ use lo_geometry::{Quat, Vec2, Vec3};
 
 use super::{plants, wall_objects};
 use crate::chance::{between, chance, count, pick, weighted};
-use crate::layout::{Footprint, rotated_yaw};
+use crate::occupancy::{Footprint, rotated_yaw};
 use crate::palette::Finish;
 use crate::room_builder::{Piece, RoomBuilder, Support};
 use crate::solids::Shape;
@@ -76,7 +76,7 @@ pub(crate) fn put_on(builder: &mut RoomBuilder, surface: usize, piece: &Piece, a
             let world = Footprint::of_box(min, max, yaw + turn, Vec2::new(origin.x, origin.z));
             let y = [origin.y + 0.01, origin.y + max.y];
             let on_sill = builder.surfaces[surface].name == "window sill";
-            if !on_sill && !builder.layout.is_clear_on(&builder.plan, &world, y, object) {
+            if !on_sill && !builder.occupancy.is_clear_on(&builder.plan, &world, y, object) {
                 continue;
             }
             builder.add_piece(piece, Support::Object(object), yaw + turn, origin);

@@ -4,7 +4,7 @@ use lo_geometry::{Vec2, Vec3};
 
 use super::{clutter, seating, tables};
 use crate::chance::{between, chance};
-use crate::layout::Footprint;
+use crate::occupancy::Footprint;
 use crate::room_builder::{Group, Piece, RoomBuilder, Support, WallPosition};
 use crate::solids::Shape;
 

@@ -12,7 +12,7 @@ use super::small_objects::{
 };
 use super::{storage, wall_objects};
 use crate::chance::{between, chance, count, pick, weighted};
-use crate::layout::rotated_yaw;
+use crate::occupancy::rotated_yaw;
 use crate::palette::Finish;
 use crate::room_builder::{Piece, RoomBuilder, Support};
 use crate::solids::{Paint, Shape};

@@ -4,7 +4,7 @@ use lo_geometry::{Vec2, Vec3};
 use lo_random::RngExt;
 
 use crate::chance::{between, chance, count, pick};
-use crate::layout::Footprint;
+use crate::occupancy::Footprint;
 use crate::palette::Finish;
 use crate::room_builder::{RoomBuilder, Support};
 use crate::solids::{Paint, Shape};
@@ -218,11 +218,12 @@ pub(super) fn hang_at(builder: &mut RoomBuilder, object: &WallObject, index: usi
     if blocked || from < 0.02 || to > wall.length_m - 0.02 || heights[0] < 0.12 {
         return false;
     }
-    if !builder.layout.fits(&builder.plan, &footprint, heights) || !builder.layout.leaves_passages(&footprint, heights)
+    if !builder.occupancy.fits(&builder.plan, &footprint, heights)
+        || !builder.occupancy.leaves_passages(&footprint, heights)
     {
         return false;
     }
-    builder.layout.occupy(footprint, heights);
+    builder.occupancy.occupy(footprint, heights);
     let rotation = lo_geometry::Quat::from_rotation_y(yaw);
     builder.add_shape(object.name, Support::Wall, &object.shape, rotation, origin + Vec3::Y * y);
     true

@@ -73,14 +73,14 @@ struct Volume {
 
 /// Occupied volumes and walkable floor of a room.
 #[derive(Clone, Debug)]
-pub(crate) struct Layout {
+pub(crate) struct Occupancy {
     volumes: Vec<Volume>,
     grid: WalkGrid,
 }
 
-impl Layout {
+impl Occupancy {
     pub(crate) fn new(plan: &Plan) -> Self {
-        let mut layout = Self { volumes: Vec::new(), grid: WalkGrid::new(plan) };
+        let mut occupancy = Self { volumes: Vec::new(), grid: WalkGrid::new(plan) };
         for wall in &plan.walls {
             for opening in wall.openings.iter().filter(|o| !o.is_window()) {
                 // The swing of the leaf and one step.
@@ -88,11 +88,11 @@ impl Layout {
                 let deep = opening.width_m().max(0.8);
                 let half = Vec2::new(0.5 * opening.width_m() + 0.08, 0.5 * deep);
                 let center = middle + wall.inward() * 0.5 * deep;
-                layout.keep_free(Footprint { center, along: wall.along, half }, [0.0, 2.1]);
-                layout.grid.doors.push(middle + wall.inward() * 0.45);
+                occupancy.keep_free(Footprint { center, along: wall.along, half }, [0.0, 2.1]);
+                occupancy.grid.doors.push(middle + wall.inward() * 0.45);
             }
         }
-        layout
+        occupancy
     }
 
     /// Keeps a volume free of objects placed later.
@@ -118,12 +118,12 @@ impl Layout {
         self.fits_beside(plan, footprint, y, true, None)
     }
 
-    /// Like [`Layout::fits`], but allows overlap with kept-free volumes.
+    /// Like [`Occupancy::fits`], but allows overlap with kept-free volumes.
     pub(crate) fn is_clear(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2]) -> bool {
         self.fits_beside(plan, footprint, y, false, None)
     }
 
-    /// Like [`Layout::is_clear`], for an object on or in the object `carrier`.
+    /// Like [`Occupancy::is_clear`], for an object on or in the object `carrier`.
     pub(crate) fn is_clear_on(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2], carrier: usize) -> bool {
         self.fits_beside(plan, footprint, y, false, Some(carrier))
     }
