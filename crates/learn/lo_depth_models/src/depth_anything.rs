@@ -31,8 +31,8 @@ pub(crate) enum Variant {
     Relative,
 }
 
-/// Recognises the variant by the last activation, given operators from the output backwards. Both variants have the same
-/// names and shapes.
+/// Recognises the variant by the last activation, given operators from the output backwards. Both variants have
+/// the same names and shapes.
 pub(crate) fn variant<'a>(backwards: impl IntoIterator<Item = &'a str>) -> Option<Variant> {
     for operator in backwards {
         match operator {
