@@ -12,7 +12,7 @@ pub struct Global {
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Seed of random numbers; only `estimate`, room generation, training and evaluation use them
+    /// Seed of random numbers; commands without randomness ignore it
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]
     pub seed: u64,
 

@@ -19,6 +19,38 @@ pub fn signature(command: &str) -> String {
 /// Bytes at the beginning of an existing file that are searched for the signature.
 const SEARCHED_BYTES: u64 = 16 * 1024;
 
+/// Extensions of radiance images.
+pub const RADIANCE: &[&str] = &["exr", "hdr", "pfm"];
+/// Extensions of photos and composites.
+pub const PHOTO: &[&str] = &["png", "jpg", "jpeg", "exr", "hdr", "pfm"];
+/// Extensions of distances and depth.
+pub const DEPTH: &[&str] = &["exr", "png", "pfm", "npy"];
+/// Extension of OpenEXR layers.
+pub const LAYERS: &[&str] = &["exr"];
+/// Extension of JSON documents.
+pub const JSON: &[&str] = &["json"];
+
+/// Checks the output files of a command before any work: each has one of its extensions and can be written, and no two
+/// are the same. Without extensions any name is accepted.
+///
+/// # Errors
+/// [`Usage`] that names the file.
+pub fn check_outputs(outputs: &[(&Path, &[&str])], command: &str, force: bool) -> anyhow::Result<()> {
+    for (index, &(path, extensions)) in outputs.iter().enumerate() {
+        let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+        let known = extension.is_some_and(|extension| extensions.contains(&extension.as_str()));
+        if !(known || extensions.is_empty()) {
+            let supported = extensions.join(", .");
+            return Err(Usage(format!("{}: the extension must be one of .{supported}", path.display())).into());
+        }
+        if outputs[..index].iter().any(|(before, _)| *before == path) {
+            return Err(Usage(format!("{} is the name of two outputs", path.display())).into());
+        }
+        check_replaceable(path, command, force)?;
+    }
+    Ok(())
+}
+
 /// Checks that `path` can be written: it does not exist yet, is empty, or was written by the same command.
 ///
 /// # Errors
@@ -104,6 +136,19 @@ mod tests {
         assert!(check_replaceable(&folder.path().join("new.ply"), "export", false).is_ok());
         assert!(check_replaceable(&folder.path().join("no/new.ply"), "export", false).unwrap_err().is::<Usage>());
         assert!(check_replaceable(folder.path(), "export", false).unwrap_err().is::<Usage>());
+    }
+
+    #[test]
+    fn outputs_have_their_extensions_and_different_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let [map, json, other] = ["a.EXR", "a.json", "a.txt"].map(|name| folder.path().join(name));
+        let message = |outputs: &[(&Path, &[&str])]| {
+            check_outputs(outputs, "envmap", false).map_err(|error| error.downcast::<Usage>().unwrap().to_string())
+        };
+        assert_eq!(message(&[(&map, RADIANCE), (&json, JSON), (&other, &[])]), Ok(()));
+        assert!(message(&[(&json, RADIANCE)]).unwrap_err().ends_with("must be one of .exr, .hdr, .pfm"));
+        assert!(message(&[(&other, JSON)]).unwrap_err().ends_with("must be one of .json"));
+        assert!(message(&[(&json, JSON), (&map, RADIANCE), (&json, JSON)]).unwrap_err().contains("two outputs"));
     }
 
     #[test]

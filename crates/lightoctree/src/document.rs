@@ -1,5 +1,5 @@
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use lo_estimate::{
@@ -67,9 +67,17 @@ pub enum LightPurpose {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DocumentError {
-    /// The scene file cannot be read or written, or is damaged.
+    /// The scene file cannot be read or written.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The file is damaged, or is not a scene file.
+    #[error("{}: {source}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: Box<DocumentError>,
+    },
     /// The scene's objects are damaged or incomplete.
     #[error(transparent)]
     Objects(#[from] ModelError),
@@ -97,16 +105,23 @@ impl Document {
     /// Reads a scene file.
     ///
     /// # Errors
-    /// - [`DocumentError::Scene`] if the file cannot be read or is damaged.
-    /// - [`DocumentError::Objects`] if its layout is invalid or refers to files outside the scene file.
+    /// - [`DocumentError::Scene`] if the file cannot be read.
+    /// - [`DocumentError::Damaged`] if it is damaged, is not a scene file, or its layout is invalid or refers to files
+    ///   outside the scene file.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, DocumentError> {
-        Self::from_file(SceneFile::read(path.as_ref())?)
+        let path = path.as_ref();
+        let named = |error| match error {
+            DocumentError::Scene(SceneError::Read { .. }) => error,
+            error => DocumentError::Damaged { path: path.to_owned(), source: Box::new(error) },
+        };
+        SceneFile::read(path).map_err(DocumentError::from).and_then(Self::from_file).map_err(named)
     }
 
     /// Reads a scene from the bytes of a scene file.
     ///
     /// # Errors
-    /// The errors of [`Document::read`].
+    /// - [`DocumentError::Scene`] if they are damaged or not a scene file.
+    /// - [`DocumentError::Objects`] if the layout is invalid or refers to files outside the scene file.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, DocumentError> {
         Self::from_file(SceneFile::from_bytes(bytes)?)
     }

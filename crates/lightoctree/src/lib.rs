@@ -24,6 +24,7 @@
 //! let lit = document.lit(LightPurpose::Panorama)?;
 //! // 4. Render, one metre in front of the camera.
 //! let panorama = SceneRenderer::new(&lit).panorama(Vec3::NEG_Z, 256, 128);
+//! imaging::write_radiance("light.exr", &panorama.radiance, &imaging::ExrOptions::default())?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -36,8 +37,8 @@
 //!    - [`Estimator::resolve`] determines camera and depth from a [`PhotoRequest`], as the command line does.
 //! 2. **Document.** A [`Document`] is an estimate with the user's edits of lights and the inserted objects. It is read
 //!    from and written to a `.scene` file, which is self-contained. [`Document::lights`] lists the lights to edit.
-//! 3. **Lit scene.** [`Document::lit`] applies the light for a [`LightPurpose`] and returns a [`LitScene`], the only
-//!    type that renders. [`FittedLight`] does so repeatedly, for interactive edits.
+//! 3. **Lit scene.** [`Document::lit`] applies the light for a [`LightPurpose`] and returns a [`LitScene`], the input
+//!    of renderers and exports. [`FittedLight`] does so repeatedly, for interactive edits.
 //! 4. **Render, insert, export.**
 //!    - [`SceneRenderer`] renders panoramas and single cones. [`render_probes`] renders panoramas at many points, for
 //!      example those of [`probe_grid`].
@@ -194,8 +195,8 @@ pub mod imaging {
 /// ```
 pub mod scene {
     pub use lo_scene::{
-        Completion, EstimateOrigin, ExpectedLight, Frame, FrameError, OtherPhoto, PanoramaContribution, PosedFrame,
-        Room, RoomPlane, SceneError, Side, poses,
+        Completion, EstimateOrigin, ExpectedLight, Frame, FrameError, ObjectDisplay, OtherPhoto, PanoramaContribution,
+        PosedFrame, Room, RoomPlane, SceneError, Side, poses,
     };
 }
 
@@ -204,6 +205,7 @@ pub mod scene {
 /// ```no_run
 /// use lightoctree::Document;
 ///
+/// // As estimated; `Document::lit` applies expected light and edits.
 /// let light = &Document::read("room.scene")?.estimate.light;
 /// for leaf in light.octree.leaf_nodes() {
 ///     let centre_m = lightoctree::octree::node_middle_m(light.cube, leaf.depth, light.octree.key(leaf));
@@ -221,11 +223,11 @@ pub mod octree {
 ///
 /// ```no_run
 /// use lightoctree::cone::{Cone, ConeTracer, Settings};
-/// use lightoctree::Document;
 /// use lightoctree::geometry::Vec3;
+/// use lightoctree::{Document, LightPurpose};
 ///
-/// let light = &Document::read("room.scene")?.estimate.light;
-/// let tracer = ConeTracer::new(light, Settings::default())?;
+/// let lit = Document::read("room.scene")?.lit(LightPurpose::Panorama)?;
+/// let tracer = ConeTracer::new(&lit.light, Settings::default())?;
 /// let cone = Cone { origin: Vec3::ZERO, direction: Vec3::NEG_Z, tan_half_angle: 0.01 };
 /// let sample = tracer.trace(&cone);
 /// println!("{:?} at {:.2} m", sample.radiance, sample.distance_m);
@@ -245,15 +247,19 @@ pub mod cone {
 /// // Switches the strongest light off.
 /// if let Some(light) = document.lights().first() {
 ///     let change = LightChange { on: false, ..LightChange::NONE };
-///     document.light_edits.change(&light.id, light.position_m.unwrap_or_default(), change);
+///     let added = document.light_edits.change(&light.id, light.position_m.unwrap_or_default(), change);
+///     assert!(added, "too many edits");
 /// }
 /// document.write("dark.scene", "my program")?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub mod lights {
+    pub use lo_completion::{ExpectedLightReport, LampFit};
     pub use lo_estimate::{PhotoSun, ShadowError, sun_from_photo, supported_sun};
     pub use lo_lights::{LightKind, LightOrigin, LightsError, ListedLight};
-    pub use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, LightChange, LightColor, LightEdits, LightShape};
+    pub use lo_scene::{
+        AddedLight, AnalyticLight, EmitterEdit, LightChange, LightColor, LightEdits, LightEffect, LightShape,
+    };
 }
 
 /// Triangle meshes with materials.
@@ -282,7 +288,7 @@ pub mod mesh {
 ///
 /// let document = Document::read("room.scene")?;
 /// let sphere = PreparedModel::new(builtin_model("sphere")?);
-/// let placement = Placement::rest_on_pixel(&*document.estimate, 320.0, 400.0, Align::Gravity)?.scaled(0.2);
+/// let placement = Placement::rest_on_pixel(&document.estimate, 320.0, 400.0, Align::Gravity)?.scaled(0.2);
 /// let lit = document.lit(LightPurpose::Objects { at_m: placement.position_m })?;
 /// let inserter = Inserter::new(&lit, Lighting::Octree, Quality::Normal)?;
 /// let composite = inserter.render(&[Instance::new(&sphere, placement)], &mut events::ignore)?;
@@ -292,7 +298,7 @@ pub mod mesh {
 pub mod insert {
     pub use lo_insert::{
         Align, Anchor, Base, Composite, Ground, InsertError, Inserter, Instance, Interpolation, Keyframe, Layout,
-        LayoutObject, Lighting, Path, PathSource, Placement, Quality,
+        LayoutObject, Lighting, Path, PathSource, Placement, Quality, surface_at_pixel,
     };
 }
 

@@ -1,6 +1,6 @@
 //! `lightoctree envmap SCENE`: renders the HDR environment map at a point.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use lightoctree::LightPurpose;
 use lo_cone::Rendering;
@@ -47,11 +47,11 @@ pub struct Args {
     detail: bool,
 
     /// Position above the surface at this pixel of the photo; see --lift
-    #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
+    #[arg(long, value_name = "U,V", value_parser = parse::pixel, allow_hyphen_values = true)]
     pixel: Option<[f64; 2]>,
 
     /// Distance from the surface at --pixel, in metres
-    #[arg(long, value_name = "METRES", default_value_t = 0.1, value_parser = parse::positive, conflicts_with = "at")]
+    #[arg(long, value_name = "METRES", default_value_t = 0.1, value_parser = parse::positive, allow_hyphen_values = true, conflicts_with = "at")]
     lift: f64,
 
     #[command(flatten)]
@@ -85,16 +85,15 @@ const COMMAND: &str = "envmap";
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let preview = args.panorama.file.preview.then(|| environment::preview_path(&args.out.output));
     let outputs = [
-        Some(&args.out.output),
-        preview.as_ref(),
-        args.depth_out.as_ref(),
-        args.sh9.as_ref(),
-        args.main_light.as_ref(),
+        (Some(&args.out.output), output::RADIANCE),
+        (preview.as_ref(), &[]),
+        (args.depth_out.as_ref(), output::DEPTH),
+        (args.sh9.as_ref(), output::JSON),
+        (args.main_light.as_ref(), output::JSON),
     ];
-    let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
-    for path in &outputs {
-        output::check_replaceable(path, COMMAND, args.out.force)?;
-    }
+    let outputs: Vec<(&Path, &[&str])> =
+        outputs.into_iter().filter_map(|(path, extensions)| Some((path?.as_path(), extensions))).collect();
+    output::check_outputs(&outputs, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
     let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
     let purpose = if args.without_emitters { LightPurpose::IndirectOnly } else { LightPurpose::Panorama };
@@ -123,11 +122,11 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         return report::print_json(&json!({
             "position_m": frame.point(at).to_array(),
             "camera": frame.camera(),
-            "files": outputs,
+            "files": outputs.iter().map(|(path, _)| path).collect::<Vec<_>>(),
             "seconds": stages.timings(),
         }));
     }
-    outputs.iter().for_each(|path| report::print(&path.display().to_string()));
+    outputs.iter().for_each(|(path, _)| report::print(&path.display().to_string()));
     Ok(())
 }
 

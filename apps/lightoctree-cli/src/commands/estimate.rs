@@ -40,7 +40,7 @@ use crate::{output, report};
 pub struct Args {
     /// Photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear); or several of one room, with --depth
     /// and --poses
-    #[arg(required_unless_present = "depth")]
+    #[arg(required = true)]
     photo: Vec<PathBuf>,
 
     /// Depth map of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by
@@ -64,11 +64,11 @@ pub struct Args {
     depth_model: DepthModelArgs,
 
     /// Units per metre of an integer depth map [default: 1000, millimetres]
-    #[arg(long, value_name = "UNITS_PER_METRE", requires = "depth", value_parser = parse::positive)]
+    #[arg(long, value_name = "UNITS_PER_METRE", requires = "depth", value_parser = parse::positive, allow_hyphen_values = true)]
     depth_scale: Option<f64>,
 
     /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else estimated from the photo]
-    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, conflicts_with = "hfov_deg")]
+    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, allow_hyphen_values = true, conflicts_with = "hfov_deg")]
     intrinsics: Option<[f64; 4]>,
 
     /// Horizontal field of view in degrees, instead of --intrinsics

@@ -77,7 +77,12 @@ const COMMAND: &str = "export";
 
 /// Reads the scene and writes the files.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
+    let extensions: &[&str] = match args.to {
+        Format::Ply => &["ply"],
+        Format::Glb => &["glb"],
+        Format::Usda => &["usda", "usd"],
+    };
+    output::check_outputs(&[(&args.out.output, extensions)], COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
     let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
     let scene = args.light.lit(&mut document, LightPurpose::Export, &mut stages)?;

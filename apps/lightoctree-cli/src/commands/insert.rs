@@ -77,7 +77,7 @@ pub struct Args {
 
     /// Gloss of the surface under an object, from 0 to 1: above 0 it mirrors the objects like a clear coat of roughness
     /// 1 - G [default: 0, or as saved by the viewer with the scene's own objects]
-    #[arg(long, value_name = "G", value_parser = parse::share)]
+    #[arg(long, value_name = "G", value_parser = parse::share, allow_hyphen_values = true)]
     floor_gloss: Option<f64>,
 
     /// Rendering quality
@@ -86,7 +86,7 @@ pub struct Args {
 
     /// Seconds after which --quality high stops and an image of normal quality is written, as after Ctrl-C [default:
     /// none]
-    #[arg(long, value_name = "S", value_parser = parse::positive, conflicts_with = "frames")]
+    #[arg(long, value_name = "S", value_parser = parse::positive, allow_hyphen_values = true, conflicts_with = "frames")]
     time_limit: Option<f64>,
 
     /// Also write objects, alpha, shadow ratio and occlusion as layers of an EXR file; a sequence requires %04d in the
@@ -207,6 +207,11 @@ impl Request {
         let count = frame_count(args, &layout, saved)?;
         let frames = frame_files(args, output, count, layout.moves())?;
         let lighting = lighting(&args.lighting, args.orientation)?;
+        if matches!(lighting, Lighting::EnvironmentMap(_)) && args.light.is_given() {
+            let message =
+                "--light, --contrast, --warmth and --white apply to the octree's light; --lighting replaces it";
+            return Err(Usage(message.into()).into());
+        }
         Ok(Self { layout, source, shown: saved.unwrap_or_default(), frames, lighting })
     }
 }
@@ -495,12 +500,12 @@ fn frame_files(args: &Args, output: &Path, count: usize, is_sequence: bool) -> a
             let composite = frame_name(output, "--output", is_sequence && !is_video, frame)?;
             let layers =
                 args.layers.as_deref().map(|layers| frame_name(layers, "--layers", is_sequence, frame)).transpose()?;
-            if !video::is_stdout(&composite) {
-                output::check_replaceable(&composite, COMMAND, args.force)?;
-            }
-            if let Some(layers) = &layers {
-                output::check_replaceable(layers, COMMAND, args.force)?;
-            }
+            let is_stdout = video::is_stdout(&composite);
+            let composite_extensions = if is_video { &[][..] } else { output::PHOTO };
+            let image = (!is_stdout).then_some((composite.as_path(), composite_extensions));
+            let layers_file = layers.as_deref().map(|layers| (layers, output::LAYERS));
+            let outputs: Vec<(&Path, &[&str])> = image.into_iter().chain(layers_file).collect();
+            output::check_outputs(&outputs, COMMAND, args.force)?;
             Ok(FrameFiles { composite, layers })
         })
         .collect()
@@ -510,7 +515,12 @@ fn frame_files(args: &Args, output: &Path, count: usize, is_sequence: bool) -> a
 fn frame_name(pattern: &Path, option: &str, is_sequence: bool, frame: usize) -> anyhow::Result<PathBuf> {
     let text = pattern.to_str().ok_or_else(|| Usage(format!("{option}: the file name is not valid Unicode")))?;
     if !is_sequence {
-        return Ok(pattern.to_owned());
+        return match text.contains("%d") || text.contains("%0") {
+            true => {
+                Err(Usage(format!("{option} {text}: one image needs no frame number; give --path for several")).into())
+            }
+            false => Ok(pattern.to_owned()),
+        };
     }
     let wrong = || Usage(format!("{option} {text}: a sequence requires one %d or %04d in the file name"));
     let (before, rest) = text.split_once('%').ok_or_else(wrong)?;

@@ -28,7 +28,7 @@ pub struct LightArgs {
     pub light: Option<LightMode>,
 
     /// Factor on the contrast of plausible light in stops, 0 to 3; 1 is that of similar rooms [default: 1]
-    #[arg(long, value_name = "FACTOR", value_parser = parse::contrast)]
+    #[arg(long, value_name = "FACTOR", value_parser = parse::contrast, allow_hyphen_values = true)]
     pub contrast: Option<f64>,
 
     /// Stops by which inferred light is redder (above 0) or bluer than estimated, -4 to 4 [default: 0]
@@ -36,7 +36,7 @@ pub struct LightArgs {
     pub warmth: Option<f64>,
 
     /// Pixel of the photo that shows something white; inferred light gets the colour that it has there
-    #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
+    #[arg(long, value_name = "U,V", value_parser = parse::pixel, allow_hyphen_values = true)]
     pub white: Option<[f64; 2]>,
 
     /// Former name of --light plausible
@@ -72,13 +72,18 @@ pub fn lit(document: &Document, purpose: LightPurpose, stages: &mut Stages) -> a
 }
 
 impl LightArgs {
+    /// Returns whether any of the options is given.
+    pub fn is_given(&self) -> bool {
+        let tunes = self.contrast.is_some() || self.warmth.is_some() || self.white.is_some();
+        self.light.is_some() || self.lamp || self.no_lamp || tunes
+    }
+
     /// Returns the light selected by the options; `None` without any option.
     ///
     /// # Errors
     /// Options that have no effect on this light.
     fn selected(&self, default: LightMode) -> anyhow::Result<Option<GuessedLight>> {
-        let tunes = self.contrast.is_some() || self.warmth.is_some() || self.white.is_some();
-        if !(self.light.is_some() || self.lamp || self.no_lamp || tunes) {
+        if !self.is_given() {
             return Ok(None);
         }
         let mode = match self.light {

@@ -140,7 +140,7 @@ struct SunArgs {
     /// shadow
     ///
     /// Without --strength, the photo must show edges of a sun patch around the shadow.
-    #[arg(long, value_name = "U,V,U,V", value_parser = parse::pixels, conflicts_with = "azimuth", required_unless_present = "azimuth")]
+    #[arg(long, value_name = "U,V,U,V", value_parser = parse::pixels, allow_hyphen_values = true, conflicts_with = "azimuth", required_unless_present = "azimuth")]
     shadow: Option<[[f64; 2]; 2]>,
 
     /// Irradiance on a surface that faces the sun; pi makes a white one as bright as the photo's white [default: the
@@ -148,11 +148,11 @@ struct SunArgs {
     ///
     /// The photo's own sun lights objects where the photo shows sun patches. Its strength follows from the brightness
     /// of the patches relative to the shade.
-    #[arg(long, value_name = "S", value_parser = parse::positive)]
+    #[arg(long, value_name = "S", value_parser = parse::positive, allow_hyphen_values = true)]
     strength: Option<f64>,
 
     /// Angular diameter in degrees; larger suns cast softer shadows
-    #[arg(long, value_name = "D", value_parser = parse::positive, default_value_t = 0.53)]
+    #[arg(long, value_name = "D", value_parser = parse::positive, allow_hyphen_values = true, default_value_t = 0.53)]
     angle: f64,
 
     /// Colour: a temperature such as 5500K, or linear R,G,B [default: white; for the photo's own sun, its observed
@@ -180,7 +180,7 @@ struct AreaArgs {
     size: Option<[f32; 2]>,
 
     /// Radius of a sphere, in metres
-    #[arg(long, value_name = "METRES", value_parser = parse::positive, conflicts_with_all = ["direction", "two_sided"])]
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, allow_hyphen_values = true, conflicts_with_all = ["direction", "two_sided"])]
     radius: Option<f64>,
 
     /// Direction in which a rectangle emits
@@ -192,11 +192,11 @@ struct AreaArgs {
     two_sided: bool,
 
     /// Luminance of the radiance; 1 is the photo's white
-    #[arg(long, value_name = "L", value_parser = parse::positive)]
+    #[arg(long, value_name = "L", value_parser = parse::positive, allow_hyphen_values = true)]
     radiance: Option<f64>,
 
     /// Power instead of --radiance: pi times radiance times area, in watts as in Blender
-    #[arg(long, value_name = "W", value_parser = parse::positive)]
+    #[arg(long, value_name = "W", value_parser = parse::positive, allow_hyphen_values = true)]
     power: Option<f64>,
 
     /// Colour: a temperature such as 3000K, or linear R,G,B

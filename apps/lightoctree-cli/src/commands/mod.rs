@@ -29,7 +29,7 @@ use lightoctree::{Document, Estimator};
 
 /// Reads a scene file. Errors contain its path.
 fn read_scene(path: &Path) -> anyhow::Result<Document> {
-    Document::read(path).with_context(|| format!("{}", path.display()))
+    Ok(Document::read(path)?)
 }
 
 /// Creates an estimator with the networks of a weights file, or with those embedded in the program.

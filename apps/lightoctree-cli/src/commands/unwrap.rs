@@ -45,11 +45,11 @@ pub struct Args {
     hfov_deg: Option<f64>,
 
     /// Distance from the camera to the ball's centre in metres, instead of a field of view
-    #[arg(long, value_name = "METRES", value_parser = parse::positive, requires = "diameter_m", conflicts_with = "hfov_deg")]
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, allow_hyphen_values = true, requires = "diameter_m", conflicts_with = "hfov_deg")]
     distance_m: Option<f64>,
 
     /// Diameter of the ball in metres
-    #[arg(long, value_name = "METRES", value_parser = parse::positive, requires = "distance_m")]
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, allow_hyphen_values = true, requires = "distance_m")]
     diameter_m: Option<f64>,
 
     /// Reflectance of the ball, above 0 and at most 1, as one value or R,G,B: chrome 0.55, silvered glass 0.9
@@ -96,9 +96,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let preview = args.file.preview.then(|| environment::preview_path(&args.out.output));
     let outputs = [Some(&args.out.output), preview.as_ref(), args.mask_out.as_ref()];
     let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
-    for path in &outputs {
-        output::check_replaceable(path, COMMAND, args.out.force)?;
-    }
+    let checked: Vec<(&Path, &[&str])> = outputs.iter().map(|path| (path.as_path(), &[][..])).collect();
+    output::check_outputs(&checked, COMMAND, args.out.force)?;
     if let Some(size) = args.size {
         environment::height(size)?;
     }

@@ -45,7 +45,7 @@ pub struct Args {
     panorama: Option<PathBuf>,
 
     /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else estimated from the photo]
-    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, requires = "input")]
+    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, allow_hyphen_values = true, requires = "input")]
     intrinsics: Option<[f64; 4]>,
 
     /// Open the page in the browser

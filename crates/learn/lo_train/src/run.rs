@@ -33,7 +33,7 @@ use crate::validation::Validation;
 use crate::warning::TrainingWarning;
 
 /// Generator named in the contact sheet's metadata.
-const GENERATOR: &str = "lightoctree train";
+const GENERATOR: &str = "lightoctree-lab train";
 
 /// Consecutive unusable samples after which the run fails.
 const MAX_UNUSABLE: u64 = 1000;

@@ -169,6 +169,7 @@ impl SceneFile {
         let Self { estimate, light_edits, objects } = self;
         let EstimateOrigin { completion, camera_source, up_deviation_deg, sources, predicted_depth, depth_model } =
             &estimate.origin;
+        light_edits.check().map_err(SceneError::Metadata)?;
         let objects = (!objects.is_empty()).then_some(objects);
         if let Some(wrong) = objects.and_then(SceneObjects::invalid_field) {
             return Err(SceneError::Objects(wrong));

@@ -46,7 +46,7 @@ pub enum FrameError {
         needed: usize,
     },
     /// The median depth is not that of a room.
-    #[error("the median depth is {median_m} m, too little for a room; check the depth scale (units per metre)")]
+    #[error("the median depth is {median_m} m, which no room has; check the depth scale (units per metre)")]
     DepthScale {
         /// Median of all readings, metres.
         median_m: f32,

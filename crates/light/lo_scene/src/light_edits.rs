@@ -168,19 +168,25 @@ impl LightEdits {
         emitter.or_else(added).unwrap_or_default()
     }
 
-    /// Replaces the change of an added light, or of the emitter of that name at `found_at_m`. Returns `false` if
-    /// there are [`MAX_LIGHT_EDITS`] already.
+    /// Replaces the change of an added light, or of the emitter of that name.
+    ///
+    /// `found_at_m` is the emitter's position in the list of lights (`ListedLight::position_m`). It tells later whether the list still means the same emitter. Returns `false`, and changes
+    /// nothing, if [`MAX_LIGHT_EDITS`] emitters are edited already.
     #[must_use]
     pub fn change(&mut self, id: &str, found_at_m: Vec3, change: LightChange) -> bool {
         if let Some(light) = self.added.iter_mut().find(|light| light.id == id) {
             light.change = change;
             return true;
         }
+        let is_new = !self.emitters.iter().any(|edit| edit.id == id);
+        if is_new && change != LightChange::NONE && self.emitters.len() >= MAX_LIGHT_EDITS {
+            return false;
+        }
         self.emitters.retain(|edit| edit.id != id);
         if change != LightChange::NONE {
             self.emitters.push(EmitterEdit { id: id.to_owned(), found_at_m, change });
         }
-        self.emitters.len() <= MAX_LIGHT_EDITS
+        true
     }
 
     /// Adds a light and returns its name; `None` if there are [`MAX_LIGHT_EDITS`] already.

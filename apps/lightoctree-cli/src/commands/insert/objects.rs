@@ -38,7 +38,7 @@ struct Flags {
     at: Vec<Vec3>,
 
     /// Place the object on the surface at this pixel of the photo; see --align
-    #[arg(long, value_name = "U,V", value_parser = parse::pixel, requires = "mesh")]
+    #[arg(long, value_name = "U,V", value_parser = parse::pixel, allow_hyphen_values = true, requires = "mesh")]
     pixel: Vec<[f64; 2]>,
 
     /// Move the object along keyframes; requires --frames, and %04d in the output's name or a video
@@ -46,11 +46,11 @@ struct Flags {
     path: Vec<PathBuf>,
 
     /// Metres per unit of the mesh [default: 1]
-    #[arg(long, value_name = "S", value_parser = parse::positive, requires = "mesh")]
+    #[arg(long, value_name = "S", value_parser = parse::positive, allow_hyphen_values = true, requires = "mesh")]
     scale: Vec<f64>,
 
     /// Height of the object in metres, instead of --scale
-    #[arg(long, value_name = "METRES", value_parser = parse::positive, requires = "mesh")]
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, allow_hyphen_values = true, requires = "mesh")]
     height: Vec<f64>,
 
     /// Rotation about the vertical in degrees, counter-clockwise seen from above [default: 0]

@@ -1,4 +1,5 @@
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use lo_geometry::Vec3;
 use lo_scene::{Estimate, LitScene};
@@ -18,6 +19,12 @@ pub struct Ground<'a> {
 impl<'a> From<&'a Estimate> for Ground<'a> {
     fn from(estimate: &'a Estimate) -> Self {
         Self { estimate, surfaces: None }
+    }
+}
+
+impl<'a> From<&'a Arc<Estimate>> for Ground<'a> {
+    fn from(estimate: &'a Arc<Estimate>) -> Self {
+        Self::from(&**estimate)
     }
 }
 
