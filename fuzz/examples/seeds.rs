@@ -132,10 +132,10 @@ fn scenes(folder: &Path) -> Result {
         if name == "srgb8" {
             let radiance = RadianceImage::from_fn(8, 4, |x, y| [0.5 + x as f32, 0.5 + y as f32, 1.0]);
             let expected = Some(ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0));
-            let mut guessed = edited.clone();
-            let estimate = Arc::make_mut(&mut guessed.estimate);
+            let mut inferred = edited.clone();
+            let estimate = Arc::make_mut(&mut inferred.estimate);
             (estimate.origin.completion, estimate.expected) = (Completion::Network, expected);
-            guessed.write(&folder.join("srgb8_expected.scene"), "seeds")?;
+            inferred.write(&folder.join("srgb8_expected.scene"), "seeds")?;
             SceneFile { objects: objects(), ..edited }.write(&folder.join("srgb8_objects.scene"), "seeds")?;
         }
     }
@@ -432,7 +432,7 @@ fn messages(folder: &Path) -> Result {
         r##"{"do":"material","object":2,"material":{"base_color":"#c02020","metallic":1}}"##,
         r#"{"do":"floor-gloss","gloss":0.5}"#,
         r#"{"do":"contrast","factor":0.7}"#,
-        r#"{"do":"guessed-light","light":"expected"}"#,
+        r#"{"do":"inferred-light","light":"expected"}"#,
         r#"{"do":"warmth","ev":-0.5}"#,
         r#"{"do":"white","pixel":[2,2]}"#,
         r#"{"do":"white","pixel":null}"#,

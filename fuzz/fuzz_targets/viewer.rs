@@ -74,8 +74,8 @@ fuzz_target!(|text: &str| {
         }
     }
     // Every chosen light can be computed.
-    if session.state().lights.guessed.is_some() {
-        session.scene().fitted.apply(&session.state().guessed()).expect("invalid white pixels are refused");
+    if session.state().lights.inferred.is_some() {
+        session.scene().fitted.apply(&session.state().inferred()).expect("invalid white pixels are refused");
     }
     while session.undo() {}
     // Seeking is not a step of the history.

@@ -37,6 +37,7 @@ pub const JSON: &[&str] = &["json"];
 /// [`Usage`] that names the file.
 pub fn check_outputs(outputs: &[(&Path, &[&str])], command: &str, force: bool) -> anyhow::Result<()> {
     for (index, &(path, extensions)) in outputs.iter().enumerate() {
+        check_replaceable(path, command, force)?;
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
         let known = extension.is_some_and(|extension| extensions.contains(&extension.as_str()));
         if !(known || extensions.is_empty()) {
@@ -46,7 +47,6 @@ pub fn check_outputs(outputs: &[(&Path, &[&str])], command: &str, force: bool) -
         if outputs[..index].iter().any(|(before, _)| *before == path) {
             return Err(Usage(format!("{} is the name of two outputs", path.display())).into());
         }
-        check_replaceable(path, command, force)?;
     }
     Ok(())
 }

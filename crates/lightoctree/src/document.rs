@@ -10,7 +10,7 @@ use lo_insert::{Layout, PathSource};
 use lo_lights::ListedLight;
 use lo_mesh::{LoadOptions, Model};
 use lo_scene::{
-    Estimate, GuessedLight, LightEdits, LightMode, LightTuning, LitScene, ObjectDisplay, SceneError, SceneFile,
+    Estimate, InferredLight, LightEdits, LightMode, LightTuning, LitScene, ObjectDisplay, SceneError, SceneFile,
     SceneObjects,
 };
 
@@ -162,10 +162,10 @@ impl Document {
     }
 
     /// Returns the document's choice of inferred light, or the purpose's default if there is none.
-    pub fn guessed_light(&self, purpose: LightPurpose) -> GuessedLight {
+    pub fn inferred_light(&self, purpose: LightPurpose) -> InferredLight {
         self.light_edits
-            .guessed
-            .unwrap_or_else(|| GuessedLight { light: purpose.default_light(), tuning: LightTuning::default() })
+            .inferred
+            .unwrap_or_else(|| InferredLight { light: purpose.default_light(), tuning: LightTuning::default() })
     }
 
     /// Lights the estimate for a purpose, with all edits.
@@ -187,12 +187,12 @@ impl Document {
             LightPurpose::Objects { at_m } => for_viewpoint(&self.estimate, at_m),
             LightPurpose::Panorama | LightPurpose::Export => self.estimate.clone(),
         };
-        let guessed = self.guessed_light(purpose);
+        let inferred = self.inferred_light(purpose);
         if !self.light_edits.has_lights() {
-            return apply_light(&estimate, &guessed);
+            return apply_light(&estimate, &inferred);
         }
         let fitted = FittedLight::new(estimate);
-        let applied = fitted.apply(&guessed)?;
+        let applied = fitted.apply(&inferred)?;
         Ok((fitted.lit(&applied, &self.light_edits)?, applied.report().clone()))
     }
 

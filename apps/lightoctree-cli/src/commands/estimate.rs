@@ -40,7 +40,7 @@ use crate::{output, report};
 pub struct Args {
     /// Photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear); or several of one room, with --depth
     /// and --poses
-    #[arg(required = true)]
+    #[arg(required_unless_present = "depth")]
     photo: Vec<PathBuf>,
 
     /// Depth map of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by

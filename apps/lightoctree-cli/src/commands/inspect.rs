@@ -310,9 +310,9 @@ fn print_tables(summary: &Summary) {
         100.0 * summary.seen_share,
         100.0 * summary.inferred_share
     ));
-    let LightEdits { emitters, added, guessed } = &summary.light_edits;
-    if let Some(guessed) = guessed {
-        report::print(&format!("light    {}, chosen in the viewer", light::description(guessed)));
+    let LightEdits { emitters, added, inferred } = &summary.light_edits;
+    if let Some(inferred) = inferred {
+        report::print(&format!("light    {}, chosen in the viewer", light::description(inferred)));
     }
     if summary.light_edits.has_lights() {
         let names = |ids: Vec<&str>| if ids.is_empty() { "none".to_owned() } else { ids.join(", ") };

@@ -1,6 +1,6 @@
 //! Options of inferred light, shared by `insert`, `envmap`, `probes` and `export`.
 
-use lightoctree::{Document, GuessedLight, LightMode, LightPurpose, LightTuning, LitScene};
+use lightoctree::{Document, InferredLight, LightMode, LightPurpose, LightTuning, LitScene};
 use lo_scene::LightEffect;
 
 use super::parse;
@@ -49,8 +49,8 @@ pub struct LightArgs {
 }
 
 /// Describes a choice of light and its tuning, as far as it differs from the default.
-pub fn description(guessed: &GuessedLight) -> String {
-    let GuessedLight { light, tuning: LightTuning { contrast, warmth_ev, white } } = guessed.in_effect();
+pub fn description(inferred: &InferredLight) -> String {
+    let InferredLight { light, tuning: LightTuning { contrast, warmth_ev, white } } = inferred.in_effect();
     let default = LightTuning::default();
     let parts = [
         Some(light.name().to_owned()),
@@ -82,7 +82,7 @@ impl LightArgs {
     ///
     /// # Errors
     /// Options that have no effect on this light.
-    fn selected(&self, default: LightMode) -> anyhow::Result<Option<GuessedLight>> {
+    fn selected(&self, default: LightMode) -> anyhow::Result<Option<InferredLight>> {
         if !self.is_given() {
             return Ok(None);
         }
@@ -107,7 +107,7 @@ impl LightArgs {
             warmth_ev: self.warmth.map_or(untuned.warmth_ev, |warmth| warmth as f32),
             white: self.white,
         };
-        Ok(Some(GuessedLight { light: mode, tuning }))
+        Ok(Some(InferredLight { light: mode, tuning }))
     }
 
     /// Applies the light selected by the options, else by the document, else by the purpose.
@@ -116,9 +116,9 @@ impl LightArgs {
     /// Options without effect, edits of lights that do not exist, and a white pixel without a colour.
     pub fn lit(&self, document: &mut Document, purpose: LightPurpose, stages: &mut Stages) -> anyhow::Result<LitScene> {
         if let Some(selected) = self.selected(purpose.default_light())? {
-            document.light_edits.guessed = Some(selected);
+            document.light_edits.inferred = Some(selected);
         }
-        let tuning = document.guessed_light(purpose).in_effect().tuning;
+        let tuning = document.inferred_light(purpose).in_effect().tuning;
         if tuning != LightTuning::default() && LightEffect::of(&document.estimate) != LightEffect::Expected {
             stages.note("the scene has no expected light: contrast, warmth and white have no effect");
         }

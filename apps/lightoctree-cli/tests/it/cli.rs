@@ -7,7 +7,7 @@ use assert_cmd::Command;
 use lightoctree::Document;
 use lo_geometry::{Camera, Plane, Quat, Ray, Vec3};
 use lo_imaging as imaging;
-use lo_imaging::{DepthMap, Image};
+use lo_imaging::{DepthMap, ExrOptions, Image, RadianceImage};
 use lo_nets::checkpoint::{Checkpoint, Precision};
 use lo_scene::{Completion, ExpectedLight};
 use tempfile::TempDir;
@@ -664,8 +664,25 @@ fn errors_have_a_message_and_the_right_exit_code() {
     assert!(message.contains("photo.png"), "{message}");
     let message = refused(at, 2, &["envmap", "room.scene", "--at", "0,0,-1", "--size", "100x100", "-o", "a.exr"]);
     assert!(message.contains("must be twice its height"), "{message}");
-    let message = refused(at, 1, &["envmap", "room.scene", "--at", "0,0,-1", "-o", "a.gif"]);
+    let envmap = ["envmap", "room.scene", "--at", "0,0,-1", "-o"];
+    let message = refused(at, 2, &[&envmap[..], &["a.gif"]].concat());
     assert!(message.contains(".exr"), "{message}");
+    let message = refused(at, 2, &[&envmap[..], &["a.exr", "--sh9", "a.json", "--main-light", "a.json"]].concat());
+    assert!(message.contains("a.json is the name of two outputs"), "{message}");
+    let insert = ["insert", "room.scene", "--mesh", "builtin:sphere", "--pixel", "72,80", "-o"];
+    let message = refused(at, 2, &[&insert[..], &["a_%04d.png"]].concat());
+    assert!(message.contains("one image needs no frame number"), "{message}");
+    let message = refused(at, 2, &[&insert[..], &["a.png", "--layers", "layers.png"]].concat());
+    assert!(message.contains("layers.png: the extension must be one of .exr"), "{message}");
+    imaging::write_radiance(
+        at.join("map.exr"),
+        &RadianceImage::from_fn(16, 8, |_, _| [1.0; 3]),
+        &ExrOptions::default(),
+    )
+    .unwrap();
+    let message =
+        refused(at, 2, &[&insert[..], &["a.png", "--lighting", "envmap:map.exr", "--contrast", "2"]].concat());
+    assert!(message.contains("--lighting replaces it"), "{message}");
     let message = refused(at, 1, &["envmap", "room.scene", "--pixel", "9999,3", "-o", "a.exr"]);
     assert!(message.contains("outside"), "{message}");
     write_mesh(at);

@@ -71,7 +71,7 @@ fn words(command: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_guessed_light_is_that_of_the_command_line() {
+fn the_inferred_light_is_that_of_the_command_line() {
     let folder = room_with_expected_light();
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     let (mut page, mut other) = (viewer.page(), viewer.page());
@@ -81,7 +81,7 @@ fn the_guessed_light_is_that_of_the_command_line() {
     page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70.25, 84.125] }));
     let (plain, _) =
         page.receive("an object", |message| message["view"]["objects"].as_array().is_some_and(|a| a.len() == 1));
-    assert_eq!(plain["view"]["guessed_light"]["effect"], "expected");
+    assert_eq!(plain["view"]["inferred_light"]["effect"], "expected");
     assert!(!plain["view"]["command"].to_string().contains("--light"), "{plain}");
     let is_final = |change: u64| {
         move |message: &serde_json::Value| {
@@ -113,8 +113,8 @@ fn the_guessed_light_is_that_of_the_command_line() {
     let is_tuned = |message: &serde_json::Value| message["view"]["floor_gloss"] == 0.25;
     let (state, _) = page.receive("the light", is_tuned);
     let tuned = json!({ "light": "plausible", "contrast": 2.5, "warmth_ev": -0.75, "white": [40.5, 70.5], "effect": "expected" });
-    assert_eq!(state["view"]["guessed_light"], tuned);
-    assert_eq!(other.receive("the light", is_tuned).0["view"]["guessed_light"], tuned);
+    assert_eq!(state["view"]["inferred_light"], tuned);
+    assert_eq!(other.receive("the light", is_tuned).0["view"]["inferred_light"], tuned);
     let (_, shown) = page.receive("the final picture", is_final(change_of(&state)));
     let command = state["view"]["command"].as_str().unwrap();
     assert!(command.contains(" --light plausible --contrast 2.5 --warmth -0.75 --white 40.5,70.5 "), "{command}");
@@ -146,12 +146,12 @@ fn the_guessed_light_is_that_of_the_command_line() {
     assert!(!done(folder.path(), &["inspect", "reset.scene"]).contains("contrast"));
     let again = Viewer::start(folder.path(), &["kept.scene"]);
     let (reopened, _) = again.page().receive("the light", |message| message["type"] == "state");
-    assert_eq!(reopened["view"]["guessed_light"], tuned);
+    assert_eq!(reopened["view"]["inferred_light"], tuned);
     // Undo reverts all of it.
     for _ in 0..4 {
         page.send(&json!({ "type": "undo" }));
     }
-    let is_usual = |message: &serde_json::Value| message["view"]["guessed_light"]["contrast"] == 1.0;
+    let is_usual = |message: &serde_json::Value| message["view"]["inferred_light"]["contrast"] == 1.0;
     let (undone, _) = page.receive("the usual light", is_usual);
     assert_eq!(undone["view"]["command"], plain["view"]["command"]);
     let (_, back) = page.receive("its picture", is_final(change_of(&undone)));

@@ -224,7 +224,7 @@ fn a_person_moves_objects_and_light() {
 }
 
 #[test]
-fn a_person_chooses_the_guessed_light() {
+fn a_person_chooses_the_inferred_light() {
     let Some(mut browser) = Browser::start("the viewer's choice of light") else { return };
     let folder = room_with_expected_light();
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
@@ -234,10 +234,10 @@ fn a_person_chooses_the_guessed_light() {
     browser.wait("viewer.page.view.objects.length === 1 && viewer.page.selectedId === 1");
     browser.key("Escape", 0);
     browser.wait(FINAL);
-    let chosen = "viewer.page.view.guessed_light";
+    let chosen = "viewer.page.view.inferred_light";
     let is_off = |browser: &mut Browser| {
         browser.value(
-            "['guessed-light', 'contrast', 'warmth', 'pick-white'].map((id) => document.getElementById(id).disabled)",
+            "['inferred-light', 'contrast', 'warmth', 'pick-white'].map((id) => document.getElementById(id).disabled)",
         )
     };
     assert_eq!(is_off(&mut browser), serde_json::json!([false, false, false, false]));
@@ -293,7 +293,7 @@ fn a_person_chooses_the_guessed_light() {
     assert_eq!(browser.value(hint), true);
     browser.wait("document.getElementById('white-at').textContent === 'at 40, 70'");
     browser.wait(FINAL);
-    shot(&mut browser, "guessed_light.png");
+    shot(&mut browser, "inferred_light.png");
     let mark = "(() => { const canvas = document.getElementById('handles'); const scale = canvas.width / viewer.page.scene.camera.width;
        return [...canvas.getContext('2d').getImageData(40.5 * scale, 70.5 * scale, 1, 1).data]; })()";
     assert_eq!(browser.value(mark), serde_json::json!([255, 255, 255, 255]));
@@ -302,7 +302,7 @@ fn a_person_chooses_the_guessed_light() {
     browser.wait("document.getElementById('clear-white').hidden");
     // Controls without effect are disabled.
     let choose = |browser: &mut Browser, light: &str| {
-        set_field(browser, "guessed-light", light, "change");
+        set_field(browser, "inferred-light", light, "change");
         browser.wait(&format!("{chosen}.light === '{light}'"));
     };
     choose(&mut browser, "expected");
@@ -316,9 +316,9 @@ fn a_person_chooses_the_guessed_light() {
     let plain = room_with_scene();
     let viewer = Viewer::start(plain.path(), &["room.scene"]);
     browser.open(&viewer.address, [1280, 720]);
-    browser.wait("document.querySelector('.guessed > .note')?.textContent.includes('nothing to choose')");
+    browser.wait("document.querySelector('.inferred > .note')?.textContent.includes('nothing to choose')");
     assert_eq!(is_off(&mut browser), serde_json::json!([true, true, true, true]));
-    shot(&mut browser, "no_guessed_light.png");
+    shot(&mut browser, "no_inferred_light.png");
 }
 
 /// The view from outside is at rest and its image is shown.

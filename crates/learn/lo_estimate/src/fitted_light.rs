@@ -4,7 +4,7 @@ use lo_completion::ObservedShading;
 use lo_geometry::Vec3;
 use lo_lights::{Emitter, LightsError, ListedLight, emitters};
 use lo_octree::LightOctree;
-use lo_scene::{Estimate, GuessedLight, LightEdits, LitScene};
+use lo_scene::{Estimate, InferredLight, LightEdits, LitScene};
 
 use crate::lighting::{NO_WHITE_PIXEL, apply_choice, differs_from_even, for_viewpoint, observed_shading};
 use crate::white::white_tint;
@@ -26,7 +26,7 @@ pub struct FittedLight {
 /// An octree in one choice of light, before edits of lights.
 #[derive(Clone, Debug)]
 pub struct AppliedLight {
-    choice: GuessedLight,
+    choice: InferredLight,
     /// Gains of red, green and blue that make the white pixel of `choice` white.
     white: [f32; 3],
     light: LightOctree,
@@ -35,7 +35,7 @@ pub struct AppliedLight {
 
 impl AppliedLight {
     /// Returns the choice of light.
-    pub fn choice(&self) -> &GuessedLight {
+    pub fn choice(&self) -> &InferredLight {
         &self.choice
     }
 
@@ -50,7 +50,7 @@ impl FittedLight {
     pub fn new(estimate: impl Into<Arc<Estimate>>) -> Self {
         let estimate = estimate.into();
         let shading = observed_shading(&estimate);
-        let default_light = applied_light(&estimate, &shading, &GuessedLight::default(), None).expect(NO_WHITE_PIXEL);
+        let default_light = applied_light(&estimate, &shading, &InferredLight::default(), None).expect(NO_WHITE_PIXEL);
         let lit = LitScene { light: default_light.light.clone(), ..LitScene::as_estimated(estimate.clone()) };
         let emitters = emitters(&lit);
         let lights = lo_lights::list_emitters(&emitters);
@@ -76,7 +76,7 @@ impl FittedLight {
     ///
     /// # Errors
     /// If the white pixel shows no surface, or is clipped or black.
-    pub fn apply(&self, choice: &GuessedLight) -> Result<AppliedLight, LightingError> {
+    pub fn apply(&self, choice: &InferredLight) -> Result<AppliedLight, LightingError> {
         let choice = choice.in_effect();
         if choice == self.default_light.choice {
             return Ok(self.default_light.clone());
@@ -90,7 +90,7 @@ impl FittedLight {
     ///
     /// # Errors
     /// The errors of [`FittedLight::apply`].
-    pub fn preview(&self, choice: &GuessedLight, similar: &AppliedLight) -> Result<AppliedLight, LightingError> {
+    pub fn preview(&self, choice: &InferredLight, similar: &AppliedLight) -> Result<AppliedLight, LightingError> {
         applied_light(&self.estimate, &self.shading, &choice.in_effect(), Some(similar))
     }
 
@@ -111,7 +111,7 @@ impl FittedLight {
 fn applied_light(
     estimate: &Estimate,
     shading: &ObservedShading,
-    choice: &GuessedLight,
+    choice: &InferredLight,
     similar: Option<&AppliedLight>,
 ) -> Result<AppliedLight, LightingError> {
     let choice = *choice;

@@ -5,7 +5,7 @@ use lo_completion::{ExpectedLightOptions, ExpectedLightReport, InitialLamps, Lam
 use lo_geometry::Vec3;
 use lo_lights::{Emitter, emitters, remove_emitters};
 use lo_octree::LightOctree;
-use lo_scene::{Estimate, GuessedLight, LightEffect, LightMode, LitScene};
+use lo_scene::{Estimate, InferredLight, LightEffect, LightMode, LitScene};
 
 use crate::LightingError;
 use crate::white::{expected_light, unit_luminance, white_tint};
@@ -32,7 +32,7 @@ pub(crate) const NO_WHITE_PIXEL: &str = "light without a white pixel cannot fail
 ///
 /// # Errors
 /// If the white pixel shows no surface, or is clipped or black.
-pub fn apply_light(estimate: &Arc<Estimate>, choice: &GuessedLight) -> Result<(LitScene, LightReport), LightingError> {
+pub fn apply_light(estimate: &Arc<Estimate>, choice: &InferredLight) -> Result<(LitScene, LightReport), LightingError> {
     if !differs_from_even(estimate, choice) {
         return Ok((LitScene::as_estimated(estimate.clone()), LightReport::default()));
     }
@@ -46,7 +46,7 @@ pub fn apply_light(estimate: &Arc<Estimate>, choice: &GuessedLight) -> Result<(L
 ///
 /// The names of emitters refer to this light, whichever light is chosen.
 pub fn plausible_light(estimate: &Arc<Estimate>) -> (LitScene, LightReport) {
-    apply_light(estimate, &GuessedLight::default()).expect(NO_WHITE_PIXEL)
+    apply_light(estimate, &InferredLight::default()).expect(NO_WHITE_PIXEL)
 }
 
 /// Returns the scene with reflected light only: the estimate's even light without its emitters.
@@ -70,7 +70,7 @@ pub fn for_viewpoint(estimate: &Arc<Estimate>, at_m: Vec3) -> Arc<Estimate> {
 }
 
 /// Returns whether a choice of light can differ from the estimate's even light.
-pub(crate) fn differs_from_even(estimate: &Estimate, choice: &GuessedLight) -> bool {
+pub(crate) fn differs_from_even(estimate: &Estimate, choice: &InferredLight) -> bool {
     choice.light != LightMode::Even && LightEffect::of(estimate) != LightEffect::None
 }
 
@@ -83,7 +83,7 @@ pub(crate) fn observed_shading(estimate: &Estimate) -> ObservedShading {
 pub(crate) fn apply_choice(
     estimate: &Estimate,
     shading: &ObservedShading,
-    choice: &GuessedLight,
+    choice: &InferredLight,
     white: [f32; 3],
     is_preview: bool,
 ) -> (LightOctree, LightReport) {

@@ -9,7 +9,7 @@ use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
 use lo_lookup::SceneRenderer;
 use lo_octree::LightOctree;
-use lo_scene::{Completion, Estimate, Frame, GuessedLight, LightMode, LightTuning, LitScene};
+use lo_scene::{Completion, Estimate, Frame, InferredLight, LightMode, LightTuning, LitScene};
 
 use crate::method_error::MethodError;
 use crate::prior::{is_mismatch, unchanged, yaw_error_deg};
@@ -298,8 +298,8 @@ fn estimate_lit(
     tools: &Tools,
     mode: LightMode,
 ) -> Result<LitScene, MethodError> {
-    let guessed = GuessedLight { light: mode, tuning: LightTuning::default() };
-    let lit = apply_light(&estimate_scene(sample, input, tools)?, &guessed);
+    let inferred = InferredLight { light: mode, tuning: LightTuning::default() };
+    let lit = apply_light(&estimate_scene(sample, input, tools)?, &inferred);
     Ok(lit.expect("the default tuning has no white pixel").0)
 }
 

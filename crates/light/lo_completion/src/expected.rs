@@ -208,11 +208,11 @@ impl LightSphere {
         let (directions, solid_angles): (Vec<Vec3>, Vec<f32>) = directions(HEIGHT).unzip();
         let trace = |light: &LightOctree| tracer(light).panorama(Vec3::ZERO, 2 * HEIGHT, HEIGHT);
         let rendering = trace(light);
-        let guessed = light.merged(|leaf| {
+        let inferred = light.merged(|leaf| {
             let is_clipped = clipped[leaf.depth as usize][leaf.row].is_some();
             Vec3::splat(if is_clipped { 0.0 } else { light.unseen(leaf) })
         });
-        let shares = LightOctree { rgba: light.rows_with(|depth, row, _| guessed[depth][row]), ..light.clone() };
+        let shares = LightOctree { rgba: light.rows_with(|depth, row, _| inferred[depth][row]), ..light.clone() };
         let open: Vec<f32> = trace(&shares).radiance.pixels().iter().map(|share| share[0].clamp(0.0, 1.0)).collect();
         let own: Vec<Vec3> = rendering.radiance.pixels().iter().map(|&rgb| Vec3::from(rgb)).collect();
         let world_from_panorama = expected.image.world_from_panorama;

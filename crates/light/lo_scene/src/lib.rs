@@ -67,7 +67,7 @@ mod error;
 mod estimate;
 mod expected;
 mod frame;
-mod guessed_light;
+mod inferred_light;
 mod light_edits;
 mod lit_scene;
 mod observed_photo;
@@ -88,7 +88,7 @@ pub use error::{FrameError, SceneError};
 pub use estimate::{Estimate, EstimateOrigin};
 pub use expected::ExpectedLight;
 pub use frame::Frame;
-pub use guessed_light::{CONTRASTS, GuessedLight, LightEffect, LightMode, LightTuning, WARMTHS_EV};
+pub use inferred_light::{CONTRASTS, InferredLight, LightEffect, LightMode, LightTuning, WARMTHS_EV};
 pub use light_edits::{
     AddedLight, AnalyticLight, EmitterEdit, LightChange, LightColor, LightEdits, LightShape, MAX_KELVIN,
     MAX_LIGHT_EDITS, MAX_LIGHT_POSITION_M, MAX_LIGHT_RADIANCE, MAX_LIGHT_SCALE, MAX_LIGHT_SIZE_M, MAX_SUN_RADIUS_DEG,

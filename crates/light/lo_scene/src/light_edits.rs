@@ -3,7 +3,7 @@ use std::f32::consts::{PI, TAU};
 use lo_geometry::Vec3;
 use serde::{Deserialize, Serialize};
 
-use crate::GuessedLight;
+use crate::InferredLight;
 
 /// Largest number of edited emitters, and of added lights, of one scene.
 pub const MAX_LIGHT_EDITS: usize = 256;
@@ -42,8 +42,8 @@ pub struct LightEdits {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub added: Vec<AddedLight>,
     /// Light that the scene is rendered with; `None` if not chosen, so that each command uses its own default.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub guessed: Option<GuessedLight>,
+    #[serde(rename = "guessed", default, skip_serializing_if = "Option::is_none")]
+    pub inferred: Option<InferredLight>,
 }
 
 /// Change of one emitter of the estimate.
@@ -153,7 +153,7 @@ pub enum LightShape {
 impl LightEdits {
     /// Returns whether there are no edits.
     pub fn is_empty(&self) -> bool {
-        !self.has_lights() && self.guessed.is_none()
+        !self.has_lights() && self.inferred.is_none()
     }
 
     /// Returns whether emitters are changed or lights added.
@@ -209,7 +209,7 @@ impl LightEdits {
 
     /// Checks all values; the error names the first invalid one.
     pub(crate) fn check(&self) -> Result<(), String> {
-        if let Some(what) = self.guessed.and_then(|guessed| guessed.tuning.invalid_field()) {
+        if let Some(what) = self.inferred.and_then(|inferred| inferred.tuning.invalid_field()) {
             return Err(format!("inferred light: {what} is out of range"));
         }
         let count = self.emitters.len().max(self.added.len());

@@ -8,7 +8,7 @@ use lo_imaging::{Image, Photo, RadianceImage};
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{
     AddedLight, AnalyticLight, CameraSource, Completion, EmitterEdit, Estimate, EstimateOrigin, ExpectedLight, Frame,
-    GuessedLight, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning, MAX_LIGHT_EDITS,
+    InferredLight, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning, MAX_LIGHT_EDITS,
     ObjectDisplay, PanoramaContribution, PanoramaImage, PanoramaSource, Room, RoomPlane, SceneError, SceneFile,
     SceneObjects, Side,
 };
@@ -189,7 +189,7 @@ fn edits() -> LightEdits {
             added("A2", sun, [1e5, 1e5, 9e4]),
             added("A3", of_photo, [1e5; 3]),
         ],
-        guessed: Some(GuessedLight {
+        inferred: Some(InferredLight {
             light: LightMode::Expected,
             tuning: LightTuning { contrast: 0.7, warmth_ev: -0.5, white: Some([1.5, 0.25]) },
         }),
@@ -221,12 +221,12 @@ fn edits_out_of_range_are_named() {
         let message = message(change);
         assert!(message.contains(what), "{message}");
     };
-    let guessed = |edits: &mut LightEdits, tuning: LightTuning| {
-        edits.guessed = Some(GuessedLight { light: LightMode::Plausible, tuning });
+    let inferred = |edits: &mut LightEdits, tuning: LightTuning| {
+        edits.inferred = Some(InferredLight { light: LightMode::Plausible, tuning });
     };
     let usual = LightTuning::default();
-    wrong(&|edits| guessed(edits, LightTuning { contrast: 3.5, ..usual }), "inferred light: the contrast");
-    wrong(&|edits| guessed(edits, LightTuning { warmth_ev: -5.0, ..usual }), "inferred light: the warmth");
+    wrong(&|edits| inferred(edits, LightTuning { contrast: 3.5, ..usual }), "inferred light: the contrast");
+    wrong(&|edits| inferred(edits, LightTuning { warmth_ev: -5.0, ..usual }), "inferred light: the warmth");
     wrong(&|edits| edits.emitters[0].change.scale = -1.0, "edited light L1: the scale");
     wrong(&|edits| edits.emitters[0].change.color = Some(LightColor::Kelvin(1.0)), "edited light L1: the colour");
     wrong(&|edits| edits.emitters[0].change.color = Some(LightColor::Rgb([0.0; 3])), "edited light L1: the colour");

@@ -127,7 +127,7 @@ pub enum Command {
         gloss: f32,
     },
     /// Chooses the light of unobserved regions.
-    GuessedLight {
+    InferredLight {
         /// The light.
         light: LightMode,
     },

@@ -1,6 +1,6 @@
 //! The `lightoctree insert` command line equivalent to a session's state.
 
-use lightoctree::{GuessedLight, LightTuning};
+use lightoctree::{InferredLight, LightTuning};
 use lo_insert::{Align, LayoutObject};
 
 use crate::{Object, State};
@@ -40,10 +40,10 @@ fn scene_options(state: &State) -> Vec<String> {
 /// Returns the chosen light with all options that differ from their defaults. A single option makes `insert` ignore the
 /// choice in the scene file.
 fn light_options(state: &State) -> Vec<String> {
-    if state.lights.guessed.is_none() {
+    if state.lights.inferred.is_none() {
         return Vec::new();
     }
-    let GuessedLight { light, tuning: LightTuning { contrast, warmth_ev, white } } = state.guessed();
+    let InferredLight { light, tuning: LightTuning { contrast, warmth_ev, white } } = state.inferred();
     let usual = LightTuning::default();
     let changed = |value: f32, usual: f32| (value != usual).then(|| value.to_string());
     let options = [

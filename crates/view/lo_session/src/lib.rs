@@ -54,4 +54,4 @@ pub use renderer::{MOVING_SIDES, RESTING_SIDE, RenderStep, Renderer};
 pub use sequence::Sequence;
 pub use session::Session;
 pub use state::State;
-pub use view::{GuessedLightView, LightView, ObjectView, SessionView, TimelineView};
+pub use view::{InferredLightView, LightView, ObjectView, SessionView, TimelineView};

@@ -1,6 +1,6 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use lightoctree::{AppliedLight, FittedLight, GuessedLight, LitScene};
+use lightoctree::{AppliedLight, FittedLight, InferredLight, LitScene};
 use lo_geometry::Vec3;
 use lo_scene::LightEdits;
 
@@ -57,12 +57,12 @@ impl LitSceneCache {
     pub fn lit(&self, state: &State) -> Result<Arc<LitScene>, SessionError> {
         match self.seen_from(state)? {
             None => {
-                let laid = self.laid(&state.guessed())?;
+                let laid = self.laid(&state.inferred())?;
                 cached(&self.last, state, None, || Ok(self.scene.fitted.lit(&laid, &state.lights)?))
             }
             Some(at) => cached(&self.last, state, Some(at), || {
                 let fitted = FittedLight::for_viewpoint(&self.scene.document.estimate, at);
-                Ok(fitted.lit(&fitted.apply(&state.guessed())?, &state.lights)?)
+                Ok(fitted.lit(&fitted.apply(&state.inferred())?, &state.lights)?)
             }),
         }
     }
@@ -73,14 +73,14 @@ impl LitSceneCache {
     /// # Errors
     /// Those of [`LitSceneCache::lit`].
     pub fn lit_draft(&self, state: &State) -> Result<Arc<LitScene>, SessionError> {
-        let guessed = state.guessed();
-        if self.seen_from(state)?.is_some() || self.fitted_light(&guessed).is_some() {
+        let inferred = state.inferred();
+        if self.seen_from(state)?.is_some() || self.fitted_light(&inferred).is_some() {
             return self.lit(state);
         }
         cached(&self.draft, state, None, || {
             let like = locked(&self.laid).last().cloned();
             let fitted = &self.scene.fitted;
-            let laid = fitted.preview(&guessed, like.as_deref().unwrap_or(fitted.default_light()))?;
+            let laid = fitted.preview(&inferred, like.as_deref().unwrap_or(fitted.default_light()))?;
             Ok(fitted.lit(&laid, &state.lights)?)
         })
     }
@@ -89,17 +89,17 @@ impl LitSceneCache {
         self.scene.estimate().light.lobes.as_ref().map(|_| self.middle(state)).transpose()
     }
 
-    fn fitted_light(&self, guessed: &GuessedLight) -> Option<Arc<AppliedLight>> {
-        locked(&self.laid).iter().find(|laid| laid.choice() == guessed).cloned()
+    fn fitted_light(&self, inferred: &InferredLight) -> Option<Arc<AppliedLight>> {
+        locked(&self.laid).iter().find(|laid| laid.choice() == inferred).cloned()
     }
 
-    fn laid(&self, guessed: &GuessedLight) -> Result<Arc<AppliedLight>, SessionError> {
+    fn laid(&self, inferred: &InferredLight) -> Result<Arc<AppliedLight>, SessionError> {
         // Concurrent callers share one result.
         let _fitting = locked(&self.fitting);
-        if let Some(laid) = self.fitted_light(guessed) {
+        if let Some(laid) = self.fitted_light(inferred) {
             return Ok(laid);
         }
-        let new = Arc::new(self.scene.fitted.apply(guessed)?);
+        let new = Arc::new(self.scene.fitted.apply(inferred)?);
         let mut laid = locked(&self.laid);
         if laid.len() >= MAX_CACHED_LIGHTS {
             laid.remove(0);

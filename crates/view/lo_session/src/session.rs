@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, GuessedLight, LightMode};
+use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, InferredLight, LightMode};
 use lo_insert::{Align, Layout, Placement};
 use lo_mesh::Model;
 use lo_scene::LightEffect;
@@ -250,11 +250,11 @@ impl Session {
                 }
                 return Ok(State { floor_gloss: *gloss, ..state });
             }
-            Command::GuessedLight { .. }
+            Command::InferredLight { .. }
             | Command::Contrast { .. }
             | Command::Warmth { .. }
             | Command::White { .. } => {
-                state.lights.guessed = self.changed_guess(&state, command)?;
+                state.lights.inferred = self.changed_inferred_light(&state, command)?;
                 return Ok(state);
             }
             _ => {
@@ -284,29 +284,29 @@ impl Session {
     }
 
     /// Returns the changed choice of light; `None` if it equals the default.
-    fn changed_guess(&self, state: &State, command: &Command) -> Result<Option<GuessedLight>, SessionError> {
+    fn changed_inferred_light(&self, state: &State, command: &Command) -> Result<Option<InferredLight>, SessionError> {
         let estimate = self.scene.estimate();
         let within = |name, needed, range: RangeInclusive<f32>, value: f32| {
             let found = f64::from(value);
             if range.contains(&value) { Ok(value) } else { Err(SessionError::InvalidNumber { name, needed, found }) }
         };
-        let mut guessed = state.lights.guessed.unwrap_or_default();
+        let mut inferred = state.lights.inferred.unwrap_or_default();
         let no_effect = match (LightEffect::of(estimate), command) {
             (LightEffect::None, _) => Some(NO_CHOICE),
-            (_, Command::GuessedLight { .. }) => None,
+            (_, Command::InferredLight { .. }) => None,
             (LightEffect::Fitted, _) => Some(NO_EXPECTATION),
             (_, Command::Contrast { .. }) => {
-                (guessed.light != LightMode::Plausible).then_some("contrast has an effect only on plausible light")
+                (inferred.light != LightMode::Plausible).then_some("contrast has an effect only on plausible light")
             }
-            _ => (guessed.light == LightMode::Even)
+            _ => (inferred.light == LightMode::Even)
                 .then_some("warmth and white have an effect on expected and plausible light, not even light"),
         };
         if let Some(why) = no_effect {
             return Err(SessionError::NoEffect(why));
         }
-        let tuning = &mut guessed.tuning;
+        let tuning = &mut inferred.tuning;
         match *command {
-            Command::GuessedLight { light } => guessed.light = light,
+            Command::InferredLight { light } => inferred.light = light,
             Command::Contrast { factor } => {
                 tuning.contrast = within("the contrast", "from 0 to 3", CONTRASTS, factor)?;
             }
@@ -318,8 +318,8 @@ impl Session {
             _ => {}
         }
         // If the scene file has a choice, the state keeps one, so that the command line states it.
-        let is_needed = guessed != GuessedLight::default() || self.scene.document.light_edits.guessed.is_some();
-        Ok(is_needed.then_some(guessed))
+        let is_needed = inferred != InferredLight::default() || self.scene.document.light_edits.inferred.is_some();
+        Ok(is_needed.then_some(inferred))
     }
 
     fn change_lights(&self, lights: &mut LightEdits, command: &Command) -> Result<(), SessionError> {

@@ -1,4 +1,4 @@
-use lightoctree::GuessedLight;
+use lightoctree::InferredLight;
 use lo_insert::{Ground, InsertError, Layout};
 use lo_scene::{LightEdits, ObjectDisplay};
 
@@ -39,8 +39,8 @@ impl State {
     }
 
     /// Returns the effective choice of light for unobserved regions.
-    pub fn guessed(&self) -> GuessedLight {
-        self.lights.guessed.unwrap_or_default().in_effect()
+    pub fn inferred(&self) -> InferredLight {
+        self.lights.inferred.unwrap_or_default().in_effect()
     }
 
     /// Returns the state at another time.

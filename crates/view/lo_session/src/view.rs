@@ -1,4 +1,4 @@
-use lightoctree::GuessedLight;
+use lightoctree::InferredLight;
 use lo_insert::{Align, Path};
 use lo_lights::{ListedLight, sun_angles_deg};
 use lo_scene::LightEffect;
@@ -14,7 +14,7 @@ pub struct SessionView {
     /// Objects in the photo.
     pub objects: Vec<ObjectView>,
     /// Choice of light for unobserved regions.
-    pub guessed_light: GuessedLightView,
+    pub inferred_light: InferredLightView,
     /// Found and added lights.
     pub lights: Vec<LightView>,
     /// Gloss of the surfaces that carry objects, 0 to 1.
@@ -86,10 +86,10 @@ pub struct ObjectView {
 /// Choice of light for unobserved regions.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
-pub struct GuessedLightView {
+pub struct InferredLightView {
     /// The light and its tuning.
     #[serde(flatten)]
-    pub chosen: GuessedLight,
+    pub chosen: InferredLight,
     /// Effect of other choices.
     pub effect: LightEffect,
 }
@@ -144,8 +144,8 @@ impl Session {
         let [can_undo, can_redo] = self.can_undo_and_redo();
         SessionView {
             objects: objects.collect(),
-            guessed_light: GuessedLightView {
-                chosen: state.lights.guessed.unwrap_or_default(),
+            inferred_light: InferredLightView {
+                chosen: state.lights.inferred.unwrap_or_default(),
                 effect: LightEffect::of(scene.estimate()),
             },
             lights: found.chain(state.lights.added.iter().map(added)).collect(),
@@ -169,6 +169,6 @@ impl Session {
 /// Returns whether light edits differ from the scene file's in a way that the options of `insert` cannot express.
 fn is_edited(lights: &LightEdits, of_file: &LightEdits) -> bool {
     // Options of `insert` express a choice of light, but not the removal of the file's choice.
-    let guessed = lights.guessed.or(of_file.guessed);
-    LightEdits { guessed, ..of_file.clone() } != *lights
+    let inferred = lights.inferred.or(of_file.inferred);
+    LightEdits { inferred, ..of_file.clone() } != *lights
 }

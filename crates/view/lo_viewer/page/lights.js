@@ -1,7 +1,7 @@
 // The panel of lights: the choice of light, the room's lights with their edits, and added lights.
 
 import { byId, element, fill, hexFromLinear, linearFromHex, short } from "./dom.js";
-import { guessedLight } from "./guessed.js";
+import { inferredLight } from "./inferred.js";
 import { numberSlider } from "./slider.js";
 
 /** @import { Vector } from "./camera.js" */
@@ -27,8 +27,8 @@ export function lightsPanel(page) {
   /** @type {(text: string, onclick: () => void) => HTMLButtonElement} */
   const button = (text, onclick) => element("button", { type: "button", textContent: text, onclick });
   const sun = { sun: { azimuth_deg: -40, elevation_deg: 40, strength: 3, angle_deg: 1, kelvin: 5500 } };
-  const guessed = guessedLight(page, act);
-  panel.append(guessed.root, list, none, element("div", { className: "row" },
+  const inferred = inferredLight(page, act);
+  panel.append(inferred.root, list, none, element("div", { className: "row" },
     button("Add sun", () => act({ do: "add-light", new: sun })),
     button("Add lamp", () => act({ do: "add-light", new: { sphere: { at_m: overhead(page), radius_m: 0.08, radiance: 40, kelvin: 3500 } } })),
     button("Reset all", () => act({ do: "reset-lights" }))));
@@ -39,7 +39,7 @@ export function lightsPanel(page) {
   const rows = new Map();
   return () => {
     const { lights } = page.openView();
-    guessed.show();
+    inferred.show();
     none.hidden = lights.length > 0;
     for (const [id, row] of rows) {
       if (!lights.some((light) => light.id === id)) {

@@ -96,7 +96,7 @@ page.redraw = () => {
     const hovered = gesture ? null : page.view?.objects.find((object) => object.id === page.hovered?.id) ?? null;
     const context = contextOf(handles);
     drawHandles(context, scale, rem() * ratio, page.scene.camera, page.selected(), hovered, active);
-    const { white, light, effect } = page.view?.guessed_light ?? {};
+    const { white, light, effect } = page.view?.inferred_light ?? {};
     if (white && light !== "even" && effect === "expected") drawWhite(context, scale, rem() * ratio, white);
     outside.draw();
   });

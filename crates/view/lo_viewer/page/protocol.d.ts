@@ -164,7 +164,7 @@ fps: number, } | { "do": "floor-gloss",
 /**
  * From 0 to 1.
  */
-gloss: number, } | { "do": "guessed-light",
+gloss: number, } | { "do": "inferred-light",
 /**
  * The light.
  */
@@ -258,7 +258,7 @@ view: OutsideView, } | { "type": "stop" } | { "type": "close" };
 /**
  * Choice of light for unobserved regions.
  */
-export type GuessedLightView = {
+export type InferredLightView = {
 /**
  * Effect of other choices.
  */
@@ -720,7 +720,7 @@ objects: Array<ObjectView>,
 /**
  * Choice of light for unobserved regions.
  */
-guessed_light: GuessedLightView,
+inferred_light: InferredLightView,
 /**
  * Found and added lights.
  */

@@ -14,7 +14,7 @@ const FILES: [(&str, &str, &str); 22] = [
     ("camera.js", SCRIPT, include_str!("../page/camera.js")),
     ("dom.js", SCRIPT, include_str!("../page/dom.js")),
     ("gestures.js", SCRIPT, include_str!("../page/gestures.js")),
-    ("guessed.js", SCRIPT, include_str!("../page/guessed.js")),
+    ("inferred.js", SCRIPT, include_str!("../page/inferred.js")),
     ("handles.js", SCRIPT, include_str!("../page/handles.js")),
     ("image_view.js", SCRIPT, include_str!("../page/image_view.js")),
     ("lights.js", SCRIPT, include_str!("../page/lights.js")),

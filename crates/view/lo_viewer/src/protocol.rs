@@ -313,7 +313,7 @@ mod tests {
             other => panic!("{other:?}"),
         };
         let light = LightMode::Expected;
-        assert_eq!(command(r#"{"do":"guessed-light","light":"expected"}"#), Command::GuessedLight { light });
+        assert_eq!(command(r#"{"do":"inferred-light","light":"expected"}"#), Command::InferredLight { light });
         assert_eq!(command(r#"{"do":"contrast","factor":0.7}"#), Command::Contrast { factor: 0.7 });
         assert_eq!(command(r#"{"do":"warmth","ev":-0.5}"#), Command::Warmth { ev: -0.5 });
         assert_eq!(command(r#"{"do":"white","pixel":[4.5,6]}"#), Command::White { pixel: Some([4.5, 6.0]) });
@@ -324,7 +324,7 @@ mod tests {
             r#"{"type":"outside","sequence":1,"view":{"eye_m":[0,0,1],"target_m":[0,0,-1],"fov_deg":40,"width":-8,"height":8,"exposure_ev":0,"show":null,"still":true}}"#,
             r#"{"type":"outside","sequence":1,"view":{"eye_m":[0,0,1],"target_m":[0,0],"fov_deg":40,"width":8,"height":8,"exposure_ev":0,"show":null,"still":true}}"#,
             r#"{"type":"command","command":{"do":"material","object":1,"material":{"base_color_texture":"/etc/passwd"}}}"#,
-            r#"{"type":"command","command":{"do":"guessed-light","light":"bright"}}"#,
+            r#"{"type":"command","command":{"do":"inferred-light","light":"bright"}}"#,
             r#"{"type":"command","command":{"do":"contrast"}}"#,
             r#"{"type":"command","command":{"do":"warmth","ev":"red"}}"#,
             r#"{"type":"command","command":{"do":"white","pixel":[1]}}"#,

@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lamp_that_is_guessed_too_dark_gets_as_bright_as_the_wall_says() {
+    fn a_lamp_that_is_inferred_too_dark_gets_as_bright_as_the_wall_says() {
         let (mut light, frame) = room(12.0);
         let mut previewed = light.clone();
         let fit = fit_lamps(&mut light, &shading(&frame), InitialLamps::Averaged);

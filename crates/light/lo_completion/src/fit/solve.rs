@@ -112,8 +112,8 @@ impl Problem {
     pub fn irradiance(&self, solution: Solution) -> Vec<f32> {
         let Solution { surfaces, lamps, clipped_lamps } = solution;
         let at = |i: usize| {
-            let guessed = surfaces * self.surfaces[i] + lamps * self.lamps[i] + clipped_lamps * self.clipped_lamps[i];
-            (self.seen[i] + guessed).max(1e-6)
+            let inferred = surfaces * self.surfaces[i] + lamps * self.lamps[i] + clipped_lamps * self.clipped_lamps[i];
+            (self.seen[i] + inferred).max(1e-6)
         };
         (0..self.seen.len()).map(at).collect()
     }
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn lamps_that_were_guessed_too_dark_get_brighter_whatever_the_albedos() {
+    fn lamps_that_were_inferred_too_dark_get_brighter_whatever_the_albedos() {
         for albedos in [[0.3, 0.7, 0.5], [0.8, 0.8, 0.2]] {
             let solution = solve(&room(60.0, albedos, 10.0));
             assert!((4.0..8.0).contains(&solution.lamps), "{solution:?}");
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn lamps_that_were_guessed_too_bright_get_less_than_is_usual() {
+    fn lamps_that_were_inferred_too_bright_get_less_than_is_usual() {
         let usual = LAMPS.0.exp();
         let solution = solve(&room(60.0, [0.3, 0.7, 0.5], 60.0));
         assert!(solution.lamps < 0.75 * usual, "{solution:?}");

@@ -81,7 +81,7 @@ fn frame(room: f32) -> Frame {
 }
 
 /// Creates the room with observed surfaces as in the frame and everything else grey; its walls are three leaves thick.
-fn guessed(frame: &Frame, depth: u32) -> LightOctree {
+fn inferred(frame: &Frame, depth: u32) -> LightOctree {
     let seen = frame.surfels(&frame.radiance());
     let mut points: Vec<RadiancePoint> = seen.into_iter().map(RadiancePoint::from).collect();
     let cube = Cube::centred(0.5 * (LOW + HIGH), 5.5);
@@ -141,7 +141,7 @@ fn seen_from(light: &LightOctree, place: Vec3, width: usize) -> RadianceImage {
 #[test]
 fn the_room_sends_what_the_panorama_shows_and_lamps_keep_their_peaks() {
     let frame = frame(1.0);
-    let before = guessed(&frame, 7);
+    let before = inferred(&frame, 7);
     // In its own units, four times as bright as the photo.
     let image = panorama(PLACE, Mat3::IDENTITY, 1024, |p| wall(p, 1.0, 10_000.0).map(|c| 4.0 * c));
     let mut light = before.clone();
@@ -234,7 +234,7 @@ fn same_where_seen(before: &LightOctree, after: &LightOctree) {
 #[test]
 fn a_lamp_smaller_than_a_leaf_keeps_its_flux() {
     let frame = frame(1.0);
-    let mut light = guessed(&frame, 6);
+    let mut light = inferred(&frame, 6);
     // One pixel of 0.35°, about 1 cm on the ceiling, with leaves of 4 cm.
     let mut image = panorama(PLACE, Mat3::IDENTITY, 1024, |_| [0.1; 3]);
     let up = (1024 * 3 / 4 + 300) % 1024;
@@ -366,7 +366,7 @@ fn invalid_panoramas_are_rejected_and_bad_values_cleaned() {
     }
     let frame = frame(1.0);
     let far = mended.at(Vec3::new(0.0, 9.0, 0.0));
-    let error = apply_panorama(&mut guessed(&frame, 5), None, &far, &upright(1.0), &observed(&frame)).unwrap_err();
+    let error = apply_panorama(&mut inferred(&frame, 5), None, &far, &upright(1.0), &observed(&frame)).unwrap_err();
     assert!(matches!(error, ApplyPanoramaError::Outside { y: 9.0, .. }));
     assert!(error.to_string().contains("(0.00, 9.00, 0.00)"), "{error}");
 }

@@ -1,6 +1,6 @@
 //! Integration tests of sessions, the choice of light, and the view from outside. One binary, to link only once.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-mod guessed;
+mod inferred;
 mod outside;
 mod session;

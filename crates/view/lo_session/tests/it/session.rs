@@ -15,7 +15,7 @@ use lo_session::{
     RenderStep, Renderer, Sequence, Session, SessionError, State, insert_argv, outputs, overlay, probe_position,
 };
 
-use crate::guessed::GUESSED;
+use crate::inferred::INFERRED;
 
 pub const SIZE: (usize, usize) = (144, 96);
 /// Height of the camera above the floor and the tabletop.
@@ -335,7 +335,7 @@ fn command(random: &mut Stream) -> Command {
         16 => Command::MoveKey { object, from_s: time_s, to_s: f64::from(share) },
         17 => Command::DeleteKey { object, time_s },
         18 => Command::Interpolate { object, interpolation: Interpolation::CatmullRom },
-        20 => Command::GuessedLight {
+        20 => Command::InferredLight {
             light: [LightMode::Even, LightMode::Expected, LightMode::Plausible][object as usize % 3],
         },
         21 => Command::Contrast { factor: 3.0 * share },
@@ -366,7 +366,7 @@ fn every_step_can_be_undone_and_redone() {
     let (mut done, mut refused) = (0, 0);
     for index in 0..60 {
         let mut random = lo_random::stream(11, "session", index);
-        let mut session = Session::new(if index % 2 == 0 { ROOM.clone() } else { GUESSED.clone() }).unwrap();
+        let mut session = Session::new(if index % 2 == 0 { ROOM.clone() } else { INFERRED.clone() }).unwrap();
         let beginning = session.state().clone();
         for _ in 0..random.random_range(1..40) {
             let before = session.state().clone();
@@ -410,7 +410,10 @@ fn every_step_can_be_undone_and_redone() {
             // Names are unique, and the command line can express every state.
             let state = session.state();
             assert!(state.objects.is_empty() || state.layout().is_ok(), "{state:?}");
-            assert!(state.lights.guessed.is_none_or(|guessed| guessed.tuning.invalid_field().is_none()), "{state:?}");
+            assert!(
+                state.lights.inferred.is_none_or(|inferred| inferred.tuning.invalid_field().is_none()),
+                "{state:?}"
+            );
         }
         session.commit();
         while session.redo() {}

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use lightoctree::{Document, Estimate, GuessedLight, LightMode, LightPurpose, LightTuning, LitScene};
+use lightoctree::{Document, Estimate, InferredLight, LightMode, LightPurpose, LightTuning, LitScene};
 use lo_geometry::Quat;
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_scene::LightEffect;
@@ -13,7 +13,7 @@ use crate::session::{ROOM, SIZE, add};
 
 /// The room of `session.rs` with expected light from the upper right. The photo's left corner is black, the right one
 /// clipped.
-pub static GUESSED: LazyLock<Arc<OpenScene>> =
+pub static INFERRED: LazyLock<Arc<OpenScene>> =
     LazyLock::new(|| Arc::new(OpenScene::new("room.scene", scene(Some(expected())))));
 
 fn expected() -> ExpectedLight {
@@ -38,34 +38,34 @@ fn scene(expected: Option<ExpectedLight>) -> Estimate {
 }
 
 fn session() -> Session {
-    Session::new(GUESSED.clone()).unwrap()
+    Session::new(INFERRED.clone()).unwrap()
 }
 
-fn chosen(session: &Session) -> GuessedLight {
-    session.view().guessed_light.chosen
+fn chosen(session: &Session) -> InferredLight {
+    session.view().inferred_light.chosen
 }
 
 /// Consecutive commands, each with the resulting choice.
-fn steps() -> [(Command, GuessedLight); 6] {
+fn steps() -> [(Command, InferredLight); 6] {
     let usual = LightTuning::default();
     let white = Some([60.5, 80.5]);
-    let plausible = |tuning| GuessedLight { light: LightMode::Plausible, tuning };
+    let plausible = |tuning| InferredLight { light: LightMode::Plausible, tuning };
     let tuned = LightTuning { contrast: 0.7, warmth_ev: -0.5, white };
     [
         (Command::Contrast { factor: 0.7 }, plausible(LightTuning { contrast: 0.7, ..usual })),
         (Command::Warmth { ev: -0.5 }, plausible(LightTuning { contrast: 0.7, warmth_ev: -0.5, ..usual })),
         (Command::White { pixel: white }, plausible(tuned)),
         (
-            Command::GuessedLight { light: LightMode::Expected },
-            GuessedLight { light: LightMode::Expected, tuning: tuned },
+            Command::InferredLight { light: LightMode::Expected },
+            InferredLight { light: LightMode::Expected, tuning: tuned },
         ),
         (
             Command::White { pixel: None },
-            GuessedLight { light: LightMode::Expected, tuning: LightTuning { white: None, ..tuned } },
+            InferredLight { light: LightMode::Expected, tuning: LightTuning { white: None, ..tuned } },
         ),
         (
-            Command::GuessedLight { light: LightMode::Even },
-            GuessedLight { light: LightMode::Even, tuning: LightTuning { white: None, ..tuned } },
+            Command::InferredLight { light: LightMode::Even },
+            InferredLight { light: LightMode::Even, tuning: LightTuning { white: None, ..tuned } },
         ),
     ]
 }
@@ -74,8 +74,8 @@ fn steps() -> [(Command, GuessedLight); 6] {
 fn each_message_is_a_step_of_the_history() {
     let mut session = session();
     assert_eq!(
-        (chosen(&session), session.view().guessed_light.effect),
-        (GuessedLight::default(), LightEffect::Expected)
+        (chosen(&session), session.view().inferred_light.effect),
+        (InferredLight::default(), LightEffect::Expected)
     );
     for (command, wanted) in steps() {
         let before = session.state().clone();
@@ -91,10 +91,10 @@ fn each_message_is_a_step_of_the_history() {
         assert_eq!(chosen(&session), wanted, "{command:?}");
     }
     // The tuning is kept while a light without effect is chosen.
-    session.apply(&Command::GuessedLight { light: LightMode::Plausible }).unwrap();
-    assert_eq!(session.state().guessed().tuning.contrast, 0.7);
+    session.apply(&Command::InferredLight { light: LightMode::Plausible }).unwrap();
+    assert_eq!(session.state().inferred().tuning.contrast, 0.7);
     session.apply(&Command::ResetLights).unwrap();
-    assert_eq!((chosen(&session), session.state().lights.is_empty()), (GuessedLight::default(), true));
+    assert_eq!((chosen(&session), session.state().lights.is_empty()), (InferredLight::default(), true));
     // A whole drag is one step; one that ends where it began is none.
     for factor in [1.2, 1.6, 2.0] {
         session.preview(&Command::Contrast { factor }).unwrap();
@@ -105,7 +105,7 @@ fn each_message_is_a_step_of_the_history() {
     session.commit();
     assert_eq!(chosen(&session).tuning.contrast, 2.0);
     assert!(session.undo());
-    assert_eq!(session.state().lights.guessed, None);
+    assert_eq!(session.state().lights.inferred, None);
 }
 
 #[test]
@@ -119,50 +119,50 @@ fn invalid_choices_are_refused_and_change_nothing() {
         assert_eq!(session.state(), &before, "{command:?}");
     };
     let white = |u: f64, v: f64| Command::White { pixel: Some([u, v]) };
-    let mut guessed = session();
+    let mut inferred = session();
     for factor in [-0.1, 3.01, f32::NAN, f32::INFINITY] {
-        refused(&mut guessed, Command::Contrast { factor }, "the contrast must be from 0 to 3");
+        refused(&mut inferred, Command::Contrast { factor }, "the contrast must be from 0 to 3");
     }
     for ev in [-4.1, 4.1, f32::NAN, f32::NEG_INFINITY] {
-        refused(&mut guessed, Command::Warmth { ev }, "the warmth must be from -4 to 4 stops");
+        refused(&mut inferred, Command::Warmth { ev }, "the warmth must be from -4 to 4 stops");
     }
     for (u, v) in [(-0.5, 3.0), (SIZE.0 as f64, 3.0), (3.0, SIZE.1 as f64), (f64::NAN, 3.0), (3.0, f64::INFINITY)] {
-        refused(&mut guessed, white(u, v), "outside the");
+        refused(&mut inferred, white(u, v), "outside the");
     }
-    refused(&mut guessed, white(2.5, 2.5), "(2.5, 2.5) is black");
-    refused(&mut guessed, white(141.5, 2.5), "(141.5, 2.5) is clipped");
-    guessed.apply(&white(60.5, 80.5)).unwrap();
-    refused(&mut guessed, white(2.5, 2.5), "black");
-    guessed.apply(&Command::GuessedLight { light: LightMode::Expected }).unwrap();
-    refused(&mut guessed, Command::Contrast { factor: 2.0 }, "only on plausible light");
-    guessed.apply(&Command::GuessedLight { light: LightMode::Even }).unwrap();
+    refused(&mut inferred, white(2.5, 2.5), "(2.5, 2.5) is black");
+    refused(&mut inferred, white(141.5, 2.5), "(141.5, 2.5) is clipped");
+    inferred.apply(&white(60.5, 80.5)).unwrap();
+    refused(&mut inferred, white(2.5, 2.5), "black");
+    inferred.apply(&Command::InferredLight { light: LightMode::Expected }).unwrap();
+    refused(&mut inferred, Command::Contrast { factor: 2.0 }, "only on plausible light");
+    inferred.apply(&Command::InferredLight { light: LightMode::Even }).unwrap();
     for command in [Command::Warmth { ev: 1.0 }, white(60.5, 80.5), Command::White { pixel: None }] {
-        refused(&mut guessed, command, "not even light");
+        refused(&mut inferred, command, "not even light");
     }
     // A scene of a network without expected light, and one without a network.
     let mut older = Session::new(Arc::new(OpenScene::new("room.scene", scene(None)))).unwrap();
-    assert_eq!(older.view().guessed_light.effect, LightEffect::Fitted);
+    assert_eq!(older.view().inferred_light.effect, LightEffect::Fitted);
     for command in [Command::Contrast { factor: 2.0 }, Command::Warmth { ev: 1.0 }, white(60.5, 80.5)] {
         refused(&mut older, command, "no expected light");
     }
-    older.apply(&Command::GuessedLight { light: LightMode::Even }).unwrap();
+    older.apply(&Command::InferredLight { light: LightMode::Even }).unwrap();
     let mut shell = Session::new(ROOM.clone()).unwrap();
-    assert_eq!(shell.view().guessed_light.effect, LightEffect::None);
-    refused(&mut shell, Command::GuessedLight { light: LightMode::Even }, "all choices are the same");
+    assert_eq!(shell.view().inferred_light.effect, LightEffect::None);
+    refused(&mut shell, Command::InferredLight { light: LightMode::Even }, "all choices are the same");
 }
 
 /// Lights the scene as the command line does.
 fn lit(session: &Session) -> LitScene {
-    let mut document = GUESSED.document.clone();
+    let mut document = INFERRED.document.clone();
     document.light_edits = session.state().lights.clone();
-    document.light_edits.guessed = Some(session.state().guessed());
+    document.light_edits.inferred = Some(session.state().inferred());
     document.lit(LightPurpose::Objects { at_m: Default::default() }).unwrap()
 }
 
 #[test]
 fn scenes_are_lit_as_by_the_command_line() {
     let mut session = session();
-    let scenes = LitSceneCache::new(GUESSED.clone());
+    let scenes = LitSceneCache::new(INFERRED.clone());
     assert!(*scenes.lit(session.state()).unwrap() == lit(&session));
     for (command, _) in steps() {
         let before = scenes.lit(session.state()).unwrap();
@@ -172,7 +172,7 @@ fn scenes_are_lit_as_by_the_command_line() {
         assert!(after.light != before.light, "{command:?}");
     }
     // With light edits, too. Ids of lights do not depend on the choice.
-    session.apply(&Command::GuessedLight { light: LightMode::Plausible }).unwrap();
+    session.apply(&Command::InferredLight { light: LightMode::Plausible }).unwrap();
     let names = |session: &Session| session.view().lights.into_iter().map(|light| light.listed.id).collect::<Vec<_>>();
     let light = names(&session)[0].clone();
     let change = LightChange { on: false, ..LightChange::NONE };
@@ -188,7 +188,7 @@ fn scenes_are_lit_as_by_the_command_line() {
 #[test]
 fn a_draft_previews_what_is_fitted_later() {
     let mut session = session();
-    let scenes = LitSceneCache::new(GUESSED.clone());
+    let scenes = LitSceneCache::new(INFERRED.clone());
     session.apply(&Command::Contrast { factor: 2.0 }).unwrap();
     let draft = scenes.lit_draft(session.state()).unwrap();
     assert!(Arc::ptr_eq(&draft, &scenes.lit_draft(session.state()).unwrap()), "the draft is cached");
@@ -224,9 +224,9 @@ fn the_scene_and_the_command_line_keep_the_choice() {
         assert_eq!(options(&session), wanted);
         assert!(!session.view().edited, "the options express the choice completely");
     }
-    session.apply(&Command::GuessedLight { light: LightMode::Plausible }).unwrap();
-    let saved = Document::from_bytes(&outputs::scene(&GUESSED, session.state()).unwrap()).unwrap();
-    assert_eq!(saved.light_edits.guessed, Some(chosen(&session)));
+    session.apply(&Command::InferredLight { light: LightMode::Plausible }).unwrap();
+    let saved = Document::from_bytes(&outputs::scene(&INFERRED, session.state()).unwrap()).unwrap();
+    assert_eq!(saved.light_edits.inferred, Some(chosen(&session)));
     let mut again = Session::new(Arc::new(OpenScene::new("room.scene", saved))).unwrap();
     assert_eq!((chosen(&again), again.view().edited), (chosen(&session), false));
     // If the file has a choice, the options state even the default light. Removing the choice requires saving the file.

@@ -74,7 +74,7 @@ impl LightTuning {
 /// User's choice of the light that a scene is rendered with.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
-pub struct GuessedLight {
+pub struct InferredLight {
     /// The light.
     pub light: LightMode,
     /// Its tuning. Values without effect on `light` are kept for when another light is chosen.
@@ -82,14 +82,14 @@ pub struct GuessedLight {
     pub tuning: LightTuning,
 }
 
-impl Default for GuessedLight {
+impl Default for InferredLight {
     /// Returns plausible light, the default for inserted objects.
     fn default() -> Self {
         Self { light: LightMode::Plausible, tuning: LightTuning::default() }
     }
 }
 
-impl GuessedLight {
+impl InferredLight {
     /// Returns a copy in which tuning without effect on this light is reset.
     #[must_use]
     pub fn in_effect(&self) -> Self {

@@ -25,15 +25,15 @@ const NOTES = {
  * @param {Page} page
  * @param {(command: Command) => void} act
  */
-export function guessedLight(page, act) {
+export function inferredLight(page, act) {
   const fields = element("div", { className: "fields" });
   /** @type {(text: string, id: string, control: HTMLElement) => void} */
   const field = (text, id, control) => fields.append(element("label", { textContent: text, htmlFor: id }), control);
   const options = LIGHTS.map((value) => element("option", { value, textContent: value }));
-  const choice = element("select", { id: "guessed-light", title: TITLE }, ...options);
+  const choice = element("select", { id: "inferred-light", title: TITLE }, ...options);
   choice.onchange = () => {
     const light = LIGHTS.find((name) => name === choice.value);
-    if (light) act({ do: "guessed-light", light });
+    if (light) act({ do: "inferred-light", light });
   };
   /**
    * @param {string} id
@@ -85,9 +85,9 @@ export function guessedLight(page, act) {
   };
 
   return {
-    root: element("div", { className: "guessed" }, fields, note),
+    root: element("div", { className: "inferred" }, fields, note),
     show() {
-      const { light, contrast: factor, warmth_ev, white, effect } = page.openView().guessed_light;
+      const { light, contrast: factor, warmth_ev, white, effect } = page.openView().inferred_light;
       const isTuned = effect === "expected" && light !== "even";
       fill(choice, light);
       choice.disabled = effect === "none";
