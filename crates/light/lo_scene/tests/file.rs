@@ -209,17 +209,32 @@ fn edits_of_light_lie_beside_the_estimate() {
     assert!(back.to_bytes(lo_imaging::GENERATOR).unwrap() == without, "without edits the file is as it was");
 }
 
+/// Replaces [`edits`] in the bytes of a scene file.
+fn with_edits(bytes: &[u8], by: &LightEdits) -> Vec<u8> {
+    let (length, rest) = bytes.split_at(8);
+    let (header, tensors) = rest.split_at(u64::from_le_bytes(length.try_into().unwrap()) as usize);
+    // The metadata is a string of JSON in JSON.
+    let quoted = |edits: &LightEdits| {
+        let text = serde_json::to_string(&serde_json::to_string(edits).unwrap()).unwrap();
+        text.trim_matches('"').to_owned()
+    };
+    let header = std::str::from_utf8(header).unwrap();
+    assert!(header.contains(&quoted(&edits())));
+    let header = header.replace(&quoted(&edits()), &quoted(by));
+    [&(header.len() as u64).to_le_bytes()[..], header.as_bytes(), tensors].concat()
+}
+
 #[test]
 fn edits_out_of_range_are_named() {
-    let message = |change: &dyn Fn(&mut LightEdits)| {
+    let scene = SceneFile { light_edits: edits(), ..scene(false) };
+    let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
+    let wrong = |change: &dyn Fn(&mut LightEdits), what: &str| {
         let mut light_edits = edits();
         change(&mut light_edits);
-        let scene = SceneFile { light_edits, ..scene(false) };
-        SceneFile::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string()
-    };
-    let wrong = |change: &dyn Fn(&mut LightEdits), what: &str| {
-        let message = message(change);
-        assert!(message.contains(what), "{message}");
+        let read = SceneFile::from_bytes(&with_edits(&bytes, &light_edits)).unwrap_err().to_string();
+        let written =
+            SceneFile { light_edits, ..scene.clone() }.to_bytes(lo_imaging::GENERATOR).unwrap_err().to_string();
+        assert!(read.contains(what) && written == read, "{read}; {written}");
     };
     let inferred = |edits: &mut LightEdits, tuning: LightTuning| {
         edits.inferred = Some(InferredLight { light: LightMode::Plausible, tuning });
