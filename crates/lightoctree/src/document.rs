@@ -75,7 +75,7 @@ pub enum DocumentError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         source: Box<DocumentError>,
     },
     /// The scene's objects are damaged or incomplete.

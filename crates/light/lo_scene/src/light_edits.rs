@@ -170,8 +170,9 @@ impl LightEdits {
 
     /// Replaces the change of an added light, or of the emitter of that name.
     ///
-    /// `found_at_m` is the emitter's position in the list of lights (`ListedLight::position_m`). It tells later whether the list still means the same emitter. Returns `false`, and changes
-    /// nothing, if [`MAX_LIGHT_EDITS`] emitters are edited already.
+    /// `found_at_m` is the emitter's position in the list of lights (`ListedLight::position_m`). It tells later whether
+    /// the list still means the same emitter. Returns `false`, and changes nothing, if [`MAX_LIGHT_EDITS`] emitters are
+    /// edited already.
     #[must_use]
     pub fn change(&mut self, id: &str, found_at_m: Vec3, change: LightChange) -> bool {
         if let Some(light) = self.added.iter_mut().find(|light| light.id == id) {
