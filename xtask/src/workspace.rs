@@ -66,7 +66,7 @@ impl Workspace {
             for entry in std::fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))? {
                 let (path, name) =
                     entry.map(|entry| (entry.path(), entry.file_name().to_string_lossy().into_owned()))?;
-                // Links lead out of the checkout; `target` and `out` hold outputs, `node_modules` the work of others.
+                // Skipped: links, which may lead out of the checkout, outputs, and installed packages.
                 let is_link = path.is_symlink() || name.starts_with('.');
                 if path.is_dir() && !is_link && !["target", "out", "node_modules"].contains(&name.as_str()) {
                     folders.push(path);

@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::Context;
+use lo_imaging::Format;
 
 use crate::usage::Usage;
 
@@ -22,7 +23,7 @@ const SEARCHED_BYTES: u64 = 16 * 1024;
 /// Extensions of radiance images.
 pub const RADIANCE: &[&str] = &["exr", "hdr", "pfm"];
 /// Extensions of photos and composites.
-pub const PHOTO: &[&str] = &["png", "jpg", "jpeg", "exr", "hdr", "pfm"];
+pub const PHOTO: &[&str] = &["png", "jpg", "exr", "hdr", "pfm"];
 /// Extensions of distances and depth.
 pub const DEPTH: &[&str] = &["exr", "png", "pfm", "npy"];
 /// Extension of OpenEXR layers.
@@ -31,16 +32,20 @@ pub const LAYERS: &[&str] = &["exr"];
 pub const JSON: &[&str] = &["json"];
 
 /// Checks the output files of a command before any work: each has one of its extensions and can be written, and no two
-/// are the same. Without extensions any name is accepted.
+/// are the same. Other extensions of the same image format are accepted, and without extensions any name.
 ///
 /// # Errors
 /// [`Usage`] that names the file.
 pub fn check_outputs(outputs: &[(&Path, &[&str])], command: &str, force: bool) -> anyhow::Result<()> {
     for (index, &(path, extensions)) in outputs.iter().enumerate() {
         check_replaceable(path, command, force)?;
-        let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-        let known = extension.is_some_and(|extension| extensions.contains(&extension.as_str()));
-        if !(known || extensions.is_empty()) {
+        let is_of = |extension: &&str| {
+            let example = Path::new("a").with_extension(extension);
+            let format = Format::from_extension(path);
+            path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension))
+                || (format.is_some() && format == Format::from_extension(&example))
+        };
+        if !(extensions.is_empty() || extensions.iter().any(is_of)) {
             let supported = extensions.join(", .");
             return Err(Usage(format!("{}: the extension must be one of .{supported}", path.display())).into());
         }
@@ -146,6 +151,7 @@ mod tests {
             check_outputs(outputs, "envmap", false).map_err(|error| error.downcast::<Usage>().unwrap().to_string())
         };
         assert_eq!(message(&[(&map, RADIANCE), (&json, JSON), (&other, &[])]), Ok(()));
+        assert_eq!(message(&[(Path::new("a.pic"), RADIANCE), (Path::new("a.JPEG"), PHOTO)]), Ok(()));
         assert!(message(&[(&json, RADIANCE)]).unwrap_err().ends_with("must be one of .exr, .hdr, .pfm"));
         assert!(message(&[(&other, JSON)]).unwrap_err().ends_with("must be one of .json"));
         assert!(message(&[(&json, JSON), (&map, RADIANCE), (&json, JSON)]).unwrap_err().contains("two outputs"));

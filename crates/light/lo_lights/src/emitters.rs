@@ -45,7 +45,7 @@ pub struct Emitter {
     pub id: String,
     /// Source of the emitter.
     pub origin: LightOrigin,
-    /// LightKind of light, where it is clear.
+    /// Kind of light, where it is clear.
     pub kind: LightKind,
     /// Position and shape.
     pub surface: ClusterSurface,

@@ -17,7 +17,7 @@ pub enum LightOrigin {
     Added,
 }
 
-/// LightKind of light.
+/// Kind of light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]

@@ -14,7 +14,7 @@ use crate::shape::ClusterShape;
 pub struct ListedLight {
     /// Name of the light.
     pub id: String,
-    /// LightKind of light.
+    /// Kind of light.
     pub kind: LightKind,
     /// Source of the light.
     pub origin: LightOrigin,

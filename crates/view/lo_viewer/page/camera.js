@@ -105,7 +105,7 @@ export function complete(items) {
 }
 
 /**
- * Returns whether a point is in the convex hull of others.
+ * Returns whether a point is inside the convex hull of other points.
  *
  * @type {(points: Pixel[], point: Pixel) => boolean}
  */

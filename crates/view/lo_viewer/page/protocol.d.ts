@@ -338,7 +338,7 @@ export type LightColor = { "kelvin": number } | { "rgb": [number, number, number
 export type LightEffect = "none" | "fitted" | "expected";
 
 /**
- * LightKind of light.
+ * Kind of light.
  */
 export type LightKind = "lamp" | "window" | "bright-surface" | "area" | "sun";
 
@@ -369,7 +369,7 @@ sun_deg: [number, number] | null,
  */
 id: string,
 /**
- * LightKind of light.
+ * Kind of light.
  */
 kind: LightKind,
 /**
