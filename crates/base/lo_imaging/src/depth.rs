@@ -48,7 +48,7 @@ pub(crate) fn decode(source: EncodedImage, units_per_metre: Option<f64>) -> Resu
 }
 
 fn decode_integers(source: EncodedImage) -> Result<DepthMap, ImageError> {
-    let samples = match raster::decode(source)?.0 {
+    let samples = match raster::samples(source)? {
         DynamicImage::ImageLuma16(grey) => grey,
         other => {
             return Err(source.unsupported(format!("{:?} pixels; depth needs one channel of 16 bits", other.color())));

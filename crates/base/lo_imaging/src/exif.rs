@@ -34,6 +34,14 @@ fn parse(raw: &[u8]) -> Option<Exif> {
     reader.read_raw(raw.to_vec()).or_else(|error| error.distill_partial_result(|_| ())).ok()
 }
 
+/// Whether the colour space is Adobe RGB: the interoperability index R03 (EXIF 2.32, 4.6.8; DCF 2.0).
+pub(crate) fn is_adobe_rgb(raw: &[u8]) -> bool {
+    parse(raw).is_some_and(|exif| match exif.get_field(Tag::InteroperabilityIndex, In::PRIMARY) {
+        Some(field) => matches!(&field.value, Value::Ascii(text) if text.first().is_some_and(|t| t.starts_with(b"R03"))),
+        None => false,
+    })
+}
+
 impl PhotoExposure {
     /// Reads the tags of a raw EXIF block. Damaged or missing tags are `None`.
     pub(crate) fn from_exif(raw: &[u8]) -> Self {

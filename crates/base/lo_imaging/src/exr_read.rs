@@ -31,13 +31,15 @@ pub struct ExrChannels {
     pub metadata: Vec<(String, String)>,
 }
 
-/// Decodes the colour of the first part that has any.
+/// Decodes the colour of the first part with `R G B`, else of the first with `Y`, else the only channel as grey.
 ///
-/// Uses `R G B`, else the first layer's `name.R name.G name.B`, else `Y`, else the only channel as grey. Primaries
-/// other than Rec. 709 are converted.
+/// Within a part, plain `R G B` precede a layer's `name.R name.G name.B`. Primaries other than Rec. 709 are converted.
 pub(crate) fn decode_radiance(source: EncodedImage) -> Result<RadianceImage, ImageError> {
     let meta = read_meta(source)?;
-    let found = meta.headers.iter().enumerate().find_map(|(part, h)| Some((part, color_channels(&names(h))?)));
+    let first = |find: fn(&[String]) -> Option<Vec<usize>>| {
+        meta.headers.iter().enumerate().find_map(|(part, h)| Some((part, find(&names(h))?)))
+    };
+    let found = first(rgb_channels).or_else(|| first(luminance_channel)).or_else(|| first(only_channel));
     let (part, channels) = found.ok_or_else(|| no_channel(source, &meta, "no R, G, B or Y channel"))?;
     let header = &meta.headers[part];
     let size = check(source, header)?;
@@ -133,14 +135,24 @@ fn no_channel(source: EncodedImage, meta: &MetaData, missing: &str) -> ImageErro
     source.invalid(format!("{missing}; the file has {}", all.join(", ")))
 }
 
-fn color_channels(names: &[String]) -> Option<Vec<usize>> {
-    let position = |name: String| names.iter().position(|n| n.eq_ignore_ascii_case(&name));
+fn position(names: &[String], name: &str) -> Option<usize> {
+    names.iter().position(|n| n.eq_ignore_ascii_case(name))
+}
+
+fn rgb_channels(names: &[String]) -> Option<Vec<usize>> {
     let triple = |prefix: &str| -> Option<Vec<usize>> {
-        ["R", "G", "B"].iter().map(|c| position(format!("{prefix}{c}"))).collect()
+        ["R", "G", "B"].iter().map(|c| position(names, &format!("{prefix}{c}"))).collect()
     };
     let layers = names.iter().filter_map(|n| n.rfind('.').map(|dot| &n[..=dot]));
-    let single = || position("Y".into()).or((names.len() == 1).then_some(0)).map(|i| vec![i]);
-    triple("").or_else(|| layers.into_iter().find_map(triple)).or_else(single)
+    triple("").or_else(|| layers.into_iter().find_map(triple))
+}
+
+fn luminance_channel(names: &[String]) -> Option<Vec<usize>> {
+    position(names, "Y").map(|index| vec![index])
+}
+
+fn only_channel(names: &[String]) -> Option<Vec<usize>> {
+    (names.len() == 1).then(|| vec![0])
 }
 
 fn depth_channel(names: &[String]) -> Option<usize> {

@@ -1,14 +1,27 @@
-//! Common image formats (PNG, JPEG, WebP, TIFF, BMP, PNM), decoded by the `image` crate.
+//! PNG, JPEG, WebP, TIFF, BMP and PNM.
 
 use std::io::Cursor;
 
+use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use rayon::prelude::*;
 
 use crate::color::linear_from_srgb;
 use crate::encoded_image::EncodedImage;
-use crate::exif::{FocalLength, PhotoExposure};
-use crate::{Format, Image, ImageError, Photo, RadianceImage};
+use crate::exif::{FocalLength, PhotoExposure, is_adobe_rgb};
+use crate::jpeg::JpegSegments;
+use crate::source_color::{self, SourceColor};
+use crate::truncated::{self, Margins};
+use crate::{
+    Format, GainMap, Image, ImageError, PartialPanorama, Photo, PhotoEncoding, PhotoFile, PhotoNote, RadianceImage,
+    cmyk, gain_map_read,
+};
+
+/// Most that a PNG decoder allocates beside the pixels, bytes: compressed profiles and texts.
+const PNG_BYTES: u64 = 64 << 20;
+
+/// Most that other decoders allocate, bytes; the size of the image is checked before.
+const DECODER_BYTES: u64 = 4 << 30;
 
 /// Returns width and height as stored, before the EXIF orientation is applied.
 pub(crate) fn size(source: EncodedImage) -> Result<[u32; 2], ImageError> {
@@ -16,24 +29,123 @@ pub(crate) fn size(source: EncodedImage) -> Result<[u32; 2], ImageError> {
     Ok([width, height])
 }
 
-/// Decodes an image, applies its EXIF (or TIFF) orientation, and reads the EXIF tags of lens and exposure.
-pub(crate) fn decode(source: EncodedImage) -> Result<(DynamicImage, FocalLength, PhotoExposure), ImageError> {
+/// Decodes samples as stored, upright.
+pub(crate) fn samples(source: EncodedImage) -> Result<DynamicImage, ImageError> {
     let mut decoder = decoder(source)?;
-    // unreadable metadata must not fail the image
     let exif = decoder.exif_metadata().ok().flatten();
-    let focal = exif.as_deref().map(FocalLength::from_exif).unwrap_or_default();
-    let exposure = exif.as_deref().map(PhotoExposure::from_exif).unwrap_or_default();
-    let orientation = match exif.as_deref().and_then(image::metadata::Orientation::from_exif_chunk) {
-        Some(orientation) => orientation,
-        None => decoder.orientation().unwrap_or(image::metadata::Orientation::NoTransforms),
-    };
+    let orientation = orientation(&mut decoder, exif.as_deref());
     let mut decoded = DynamicImage::from_decoder(decoder).map_err(|e| invalid(source, e))?;
     decoded.apply_orientation(orientation);
-    Ok((decoded, focal, exposure))
+    Ok(decoded)
+}
+
+/// Decodes 8-bit RGBA, upright. Colour profiles are ignored: glTF's textures are sRGB.
+pub(crate) fn rgba8(source: EncodedImage) -> Result<Image<[u8; 4]>, ImageError> {
+    let decoded = samples(source)?;
+    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    Ok(Image::new(width, height, pixels_of(decoded.into_rgba8().into_raw())))
+}
+
+/// Decodes a photo with its colour space, gain map and metadata, upright.
+pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
+    let mut decoder = decoder(source)?;
+    // unreadable metadata must not fail the image
+    let mut exif = decoder.exif_metadata().ok().flatten();
+    let xmp = decoder.xmp_metadata().ok().flatten();
+    let icc = match source.format {
+        // `image` 0.25.10 does not find it
+        Format::Tiff => source_color::icc_of_tiff(source.bytes),
+        _ => decoder.icc_profile().ok().flatten(),
+    };
+    let orientation = orientation(&mut decoder, exif.as_deref());
+    let focal = exif.as_deref().map(FocalLength::from_exif).unwrap_or_default();
+    let exposure = exif.as_deref().map(PhotoExposure::from_exif).unwrap_or_default();
+    let mut notes = Vec::new();
+    let stated = source_color::of(source, icc.as_deref(), exif.as_deref().is_some_and(is_adobe_rgb));
+    let mut color = stated.unwrap_or_else(|reason| {
+        notes.push(PhotoNote::UnusableProfile { reason });
+        SourceColor::Srgb
+    });
+    let cmyk = match &color {
+        SourceColor::Table(table) if table.is_cmyk() => cmyk::samples(source)?.map(|samples| (table, samples)),
+        _ => None,
+    };
+    let mut decoded = match cmyk {
+        Some((table, samples)) => {
+            let (width, height) = decoder.dimensions();
+            let converted = table.srgb8(&samples).ok_or_else(|| source.invalid("its CMYK profile"))?;
+            color = SourceColor::Srgb;
+            let buffer = image::RgbImage::from_raw(width, height, converted.into_flattened());
+            DynamicImage::from(buffer.ok_or_else(|| source.invalid("its CMYK samples do not match its size"))?)
+        }
+        None => DynamicImage::from_decoder(decoder).map_err(|e| invalid(source, e))?,
+    };
+    let segments = (source.format == Format::Jpeg).then(|| JpegSegments::read(source.bytes));
+    let missing_rows = match &segments {
+        Some(segments) if segments.end.is_none() => truncated::missing_rows(&decoded),
+        _ => 0,
+    };
+    let missing = (missing_rows > 0).then(|| {
+        let share = missing_rows as f64 / f64::from(decoded.height());
+        notes.push(PhotoNote::Truncated { missing: share });
+        Margins::below(missing_rows).oriented(orientation)
+    });
+    let gain_map = segments.and_then(|segments| gain_map_read::read(source, &segments)).and_then(|read| match read {
+        Ok(map) => Some(oriented(map, orientation)),
+        Err(reason) => {
+            notes.push(PhotoNote::UnusableGainMap { reason });
+            None
+        }
+    });
+    decoded.apply_orientation(orientation);
+    if let Some(exif) = &mut exif {
+        let _ = Orientation::remove_from_exif_chunk(exif);
+    }
+    let panorama = xmp.as_deref().and_then(PartialPanorama::from_xmp);
+    let metadata = Metadata { exif: exif.unwrap_or_default(), xmp: xmp.unwrap_or_default(), gain_map };
+    let photo = combine(decoded, color, metadata);
+    if let Photo::Encoded8(encoded) = &photo
+        && encoded.encoding.gain_map.is_some()
+    {
+        notes.push(gain_note(&encoded.radiance()));
+    }
+    Ok(PhotoFile { focal, exposure, notes, missing, panorama, ..PhotoFile::new(photo) })
+}
+
+struct Metadata {
+    exif: Vec<u8>,
+    xmp: Vec<u8>,
+    gain_map: Option<GainMap>,
+}
+
+fn orientation(decoder: &mut impl ImageDecoder, exif: Option<&[u8]>) -> Orientation {
+    let by_exif = exif.and_then(Orientation::from_exif_chunk);
+    by_exif.or_else(|| decoder.orientation().ok()).unwrap_or(Orientation::NoTransforms)
+}
+
+fn oriented(map: GainMap, orientation: Orientation) -> GainMap {
+    let (width, height) = (map.image.width() as u32, map.image.height() as u32);
+    let samples = map.image.into_pixels().into_flattened();
+    let buffer = image::RgbImage::from_raw(width, height, samples).expect("an image has all its samples");
+    let mut turned = DynamicImage::from(buffer);
+    turned.apply_orientation(orientation);
+    let (width, height) = (turned.width() as usize, turned.height() as usize);
+    GainMap { image: Image::new(width, height, pixels_of(turned.into_rgb8().into_raw())), ..map }
+}
+
+/// Tells how much the gain map brightens a photo, given its radiance.
+fn gain_note(radiance: &RadianceImage) -> PhotoNote {
+    let brightest = |p: &[f32; 3]| p.iter().fold(0.0f32, |a, &b| a.max(b));
+    let (above, most) = radiance
+        .pixels()
+        .par_iter()
+        .map(|p| (usize::from(brightest(p) > 1.0), brightest(p)))
+        .reduce(|| (0, 1.0), |a, b| (a.0 + b.0, a.1.max(b.1)));
+    PhotoNote::GainMap { share: above as f64 / radiance.pixels().len() as f64, stops: most.log2() }
 }
 
 /// Creates a decoder, which reads the header, and checks the image's size.
-fn decoder(source: EncodedImage<'_>) -> Result<impl ImageDecoder, ImageError> {
+pub(crate) fn decoder(source: EncodedImage<'_>) -> Result<impl ImageDecoder, ImageError> {
     let format = match source.format {
         Format::Png => ImageFormat::Png,
         Format::Jpeg => ImageFormat::Jpeg,
@@ -46,7 +158,7 @@ fn decoder(source: EncodedImage<'_>) -> Result<impl ImageDecoder, ImageError> {
     let mut reader = ImageReader::with_format(Cursor::new(source.bytes), format);
     // the size is checked below; this bounds a decoder's other allocations
     let mut limits = Limits::default();
-    limits.max_alloc = Some(4 << 30);
+    limits.max_alloc = Some(if format == ImageFormat::Png { PNG_BYTES } else { DECODER_BYTES });
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|e| invalid(source, e))?;
     let (width, height) = decoder.dimensions();
@@ -65,32 +177,66 @@ fn invalid(source: EncodedImage, error: image::ImageError) -> ImageError {
     }
 }
 
-/// Converts a decoded image to a photo. 8-bit images stay as they are, deeper ones become linear light; float TIFF is
-/// already linear.
+/// Combines pixels with their colour space. 8-bit images stay as they are, deeper ones become linear light; float TIFF
+/// is already linear.
 ///
 /// Alpha is dropped, since photos have none; the colours stored beneath transparent pixels are kept.
-pub(crate) fn photo(decoded: DynamicImage) -> Photo {
+fn combine(decoded: DynamicImage, color: SourceColor, metadata: Metadata) -> Photo {
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    let deep = decoded.color().bytes_per_pixel() / decoded.color().channel_count() > 1;
+    if !deep {
+        let mut image = Image::new(width, height, pixels_of(decoded.into_rgb8().into_raw()));
+        let profile = match color {
+            SourceColor::Profile(profile) => Some(*profile),
+            SourceColor::Hdr(profile, scale) => return Photo::Linear(hdr(&image.map(|p| p.map(|v| u16::from(v) * 257)), &profile, scale)),
+            SourceColor::Table(table) => {
+                let padded: Vec<[u8; 4]> = image.pixels().iter().map(|&[r, g, b]| [r, g, b, 255]).collect();
+                image = table.srgb8(&padded).map_or(image, |srgb| Image::new(width, height, srgb));
+                None
+            }
+            SourceColor::Srgb => None,
+        };
+        let Metadata { exif, mut xmp, gain_map } = metadata;
+        if gain_map.is_some() {
+            // it announces a gain map, which composites do not have
+            xmp.clear();
+        }
+        return Photo::encoded8(image, PhotoEncoding { profile, gain_map, exif, xmp });
+    }
     match decoded {
-        DynamicImage::ImageLuma16(_)
-        | DynamicImage::ImageLumaA16(_)
-        | DynamicImage::ImageRgb16(_)
-        | DynamicImage::ImageRgba16(_) => {
-            let table: Vec<f32> = (0..=u16::MAX).map(|v| linear_from_srgb(f32::from(v) / 65535.0)).collect();
-            let samples = decoded.into_rgb16().into_raw();
-            let linear = samples.as_chunks::<3>().0.par_iter().map(|p| p.map(|v| table[usize::from(v)])).collect();
-            Photo::Linear(Image::new(width, height, linear))
-        }
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            Photo::Linear(RadianceImage::new(width, height, pixels_of(decoded.into_rgb32f().into_raw())))
+            let image = RadianceImage::new(width, height, pixels_of(decoded.into_rgb32f().into_raw()));
+            Photo::Linear(match color {
+                SourceColor::Profile(profile) => image.map(|&pixel| profile.rec709_from_linear(pixel)),
+                _ => image,
+            })
         }
-        _ => Photo::Srgb8(Image::new(width, height, pixels_of(decoded.into_rgb8().into_raw()))),
+        _ => {
+            let image = Image::new(width, height, pixels_of::<u16, 3>(decoded.into_rgb16().into_raw()));
+            Photo::Linear(match color {
+                SourceColor::Profile(profile) => hdr(&image, &profile, 1.0),
+                SourceColor::Hdr(profile, scale) => hdr(&image, &profile, scale),
+                SourceColor::Srgb | SourceColor::Table(_) => {
+                    let table: Vec<f32> = (0..=u16::MAX).map(|v| linear_from_srgb(f32::from(v) / 65535.0)).collect();
+                    by_pixel(&image, |p| p.map(|v| table[usize::from(v)]))
+                }
+            })
+        }
     }
 }
 
-pub(crate) fn rgba8(decoded: DynamicImage) -> Image<[u8; 4]> {
-    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
-    Image::new(width, height, pixels_of(decoded.into_rgba8().into_raw()))
+/// Converts 16-bit values to linear light.
+fn hdr(image: &Image<[u16; 3]>, profile: &crate::ColorProfile, scale: f32) -> RadianceImage {
+    let tables = profile.tables16();
+    by_pixel(image, |p| {
+        let linear = [0, 1, 2].map(|c| tables[c][usize::from(p[c])]);
+        profile.rec709_from_linear(linear).map(|v| (v * scale).max(0.0))
+    })
+}
+
+fn by_pixel(image: &Image<[u16; 3]>, linear: impl Fn([u16; 3]) -> [f32; 3] + Sync) -> RadianceImage {
+    let pixels = image.pixels().par_iter().map(|&pixel| linear(pixel)).collect();
+    Image::new(image.width(), image.height(), pixels)
 }
 
 /// Groups samples into pixels, without a copy if possible: a photo of 50 megapixels has 150 MB.

@@ -4,7 +4,10 @@ use crate::encoded_image::EncodedImage;
 use crate::exif::{FocalLength, PhotoExposure};
 use crate::exr_read::{self, ExrChannels};
 use crate::pfm::Pfm;
-use crate::{DepthMap, Format, Image, ImageError, Photo, RadianceImage, depth, pfm, raster, rgbe};
+use crate::{
+    DepthMap, Format, Image, ImageError, Margins, PartialPanorama, Photo, PhotoNote, RadianceImage, depth, finite, pfm,
+    raster, rgbe,
+};
 
 /// Size limit of files: more than an image of [`MAX_PIXELS`](crate::MAX_PIXELS) can need.
 const MAX_FILE_BYTES: u64 = 16 << 30;
@@ -18,9 +21,27 @@ pub struct PhotoFile {
     pub focal: FocalLength,
     /// Exposure tags, as far as EXIF has them.
     pub exposure: PhotoExposure,
+    /// Observations about the file, for the user.
+    pub notes: Vec<PhotoNote>,
+    /// Borders of the picture that the file does not hold, since it ends early.
+    pub missing: Option<Margins>,
+    /// Place on the sphere, if the picture is an equirectangular panorama by its metadata.
+    pub panorama: Option<PartialPanorama>,
 }
 
 impl PhotoFile {
+    /// Wraps a photo without metadata.
+    pub fn new(photo: Photo) -> Self {
+        Self {
+            photo,
+            focal: FocalLength::default(),
+            exposure: PhotoExposure::default(),
+            notes: Vec::new(),
+            missing: None,
+            panorama: None,
+        }
+    }
+
     /// Focal length in pixels of this photo, as in [`FocalLength::focal_px`]. The photo is upright; pixels are square.
     pub fn focal_px(&self) -> Option<f64> {
         self.focal.focal_px(self.photo.width() as u32, self.photo.height() as u32)
@@ -36,7 +57,10 @@ impl PhotoFile {
 /// radiance.
 ///
 /// The format is detected from the content, else from the extension. 8-bit images stay 8-bit; palettes are resolved,
-/// grey becomes RGB, alpha is dropped (the stored colour stays), and embedded colour profiles are ignored.
+/// grey becomes RGB, and alpha is dropped (the stored colour stays). Colour profiles, gain maps, EXIF and XMP of 8-bit
+/// photos become [`Photo::Encoded8`]; deeper ones are converted to linear Rec. 709 by their profile.
+///
+/// Infinite radiance becomes the largest finite value of the file, NaN becomes 0; [`PhotoFile::notes`] says so.
 ///
 /// Sizes are checked before memory is allocated: at most [`MAX_PIXELS`](crate::MAX_PIXELS), and at most 4 megapixels +
 /// 1100 pixels for each byte of the file.
@@ -53,23 +77,23 @@ pub fn photo_from_bytes(bytes: &[u8], name: &str) -> Result<PhotoFile, ImageErro
     let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, PNM, HDR, EXR or PFM")?;
     catch_decoder_panic(source, || match source.format {
         Format::Hdr | Format::Exr | Format::Pfm => {
-            let photo = Photo::Linear(decode_radiance(source)?);
-            Ok(PhotoFile { photo, focal: FocalLength::default(), exposure: PhotoExposure::default() })
+            let mut notes = Vec::new();
+            let mut image = decode_radiance(source, &mut notes)?;
+            notes.extend(finite::replace(&mut image));
+            Ok(PhotoFile { notes, ..PhotoFile::new(Photo::Linear(image)) })
         }
-        _ => {
-            let (decoded, focal, exposure) = raster::decode(source)?;
-            Ok(PhotoFile { photo: raster::photo(decoded), focal, exposure })
-        }
+        _ => raster::photo(source),
     })
 }
 
 /// Reads linear radiance from Radiance `.hdr`, OpenEXR or PFM. Other formats of [`read_photo`] are linearised.
 ///
-/// Values are as stored (a lossy EXR may have some just below zero), with two exceptions: the `EXPOSURE` and
-/// `COLORCORR` of a `.hdr` are undone, and an EXR whose `chromaticities` are not Rec. 709 is converted.
+/// Values are as stored (a lossy EXR may have some just below zero), with three exceptions: the `EXPOSURE` and
+/// `COLORCORR` of a `.hdr` are undone, an EXR whose `chromaticities` are not Rec. 709 is converted, and values that are
+/// not finite are replaced as in [`read_photo`].
 ///
-/// EXR: reads the data window of the first part with `R G B` (plain, else of a layer), else `Y`, else the only channel
-/// as grey. Scan lines and tiles; half, float and uint; no compression, RLE, ZIP, ZIPS, PIZ, PXR24, B44, B44A, DWAA,
+/// EXR: reads the data window of the first part with `R G B` (plain, else of a layer), else of the first part with `Y`,
+/// else the only channel as grey. Scan lines and tiles; half, float and uint; no compression, RLE, ZIP, ZIPS, PIZ, PXR24, B44, B44A, DWAA,
 /// DWAB.
 ///
 /// # Errors
@@ -114,7 +138,7 @@ pub fn read_rgba8(path: impl AsRef<Path>) -> Result<Image<[u8; 4]>, ImageError> 
 /// Like [`read_rgba8`], from memory, for textures of meshes.
 pub fn rgba8_from_bytes(bytes: &[u8], name: &str) -> Result<Image<[u8; 4]>, ImageError> {
     let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP or PNM")?;
-    catch_decoder_panic(source, || Ok(raster::rgba8(raster::decode(source)?.0)))
+    catch_decoder_panic(source, || raster::rgba8(source))
 }
 
 /// Reads width and height from the header of an image in the formats of [`read_rgba8`].
@@ -149,9 +173,9 @@ fn catch_decoder_panic<T>(
         .unwrap_or_else(|_| Err(source.invalid("the decoder failed")))
 }
 
-fn decode_radiance(source: EncodedImage) -> Result<RadianceImage, ImageError> {
+fn decode_radiance(source: EncodedImage, notes: &mut Vec<PhotoNote>) -> Result<RadianceImage, ImageError> {
     match source.format {
-        Format::Hdr => rgbe::decode(source),
+        Format::Hdr => rgbe::decode(source, notes),
         Format::Exr => exr_read::decode_radiance(source),
         _ => Ok(match pfm::decode(source)? {
             Pfm::Color(image) => image,

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use crate::encoded_image::EncodedImage;
 use crate::generator::printable;
-use crate::{ImageError, RadianceImage};
+use crate::{ImageError, PhotoNote, RadianceImage};
 
 /// Decodes any Radiance RGBE image.
 ///
@@ -15,8 +15,8 @@ use crate::{ImageError, RadianceImage};
 /// * Scan lines: flat, old run-length encoding (1 1 1 n) and new (2 2 hi lo), also mixed.
 /// * All eight axis orders of the resolution line.
 /// * A pixel is mantissa / 256 · 2^(exponent − 128), as in stb, OpenCV and `imageio`; Radiance itself adds half a step.
-pub(crate) fn decode(source: EncodedImage) -> Result<RadianceImage, ImageError> {
-    let (header, mut rest) = read_header(source)?;
+pub(crate) fn decode(source: EncodedImage, notes: &mut Vec<PhotoNote>) -> Result<RadianceImage, ImageError> {
+    let (header, mut rest) = read_header(source, notes)?;
     let Header { lines, length, gain, axes } = header;
     let (width, height) = if axes.x_is_slow { (lines, length) } else { (length, lines) };
     source.check_size(width as u64, height as u64)?;
@@ -56,7 +56,7 @@ struct Axes {
     fast_descends: bool,
 }
 
-fn read_header(source: EncodedImage<'_>) -> Result<(Header, &[u8]), ImageError> {
+fn read_header<'a>(source: EncodedImage<'a>, notes: &mut Vec<PhotoNote>) -> Result<(Header, &'a [u8]), ImageError> {
     let mut rest = source.bytes;
     let mut gain = [1.0f64; 3];
     loop {
@@ -72,15 +72,14 @@ fn read_header(source: EncodedImage<'_>) -> Result<(Header, &[u8]), ImageError> 
             key @ ("EXPOSURE" | "COLORCORR") => {
                 let numbers: Vec<f64> = value.split_whitespace().filter_map(|n| n.parse().ok()).collect();
                 let factors = match (key, numbers.as_slice()) {
-                    ("EXPOSURE", [e]) => [*e; 3],
-                    ("COLORCORR", [r, g, b]) => [*r, *g, *b],
-                    _ => return Err(source.invalid(format!("invalid header line {key}={value}"))),
+                    ("EXPOSURE", [e]) => Some([*e; 3]),
+                    ("COLORCORR", [r, g, b]) => Some([*r, *g, *b]),
+                    _ => None,
                 };
-                if !factors.iter().all(|f| f.is_finite() && *f > 0.0) {
-                    return Err(source.invalid(format!("header line {key}={value} must be positive")));
-                }
-                for (g, f) in gain.iter_mut().zip(factors) {
-                    *g /= f;
+                // beyond these no pixel stays in the range of a float
+                match factors.filter(|factors| factors.iter().all(|f| (1e-30..=1e30).contains(f))) {
+                    Some(factors) => gain.iter_mut().zip(factors).for_each(|(g, f)| *g /= f),
+                    None => notes.push(PhotoNote::IgnoredHeader { line: format!("{key}={value}") }),
                 }
             }
             _ => {}
@@ -243,7 +242,7 @@ mod tests {
     use crate::Format;
 
     fn read(bytes: &[u8]) -> Result<RadianceImage, ImageError> {
-        decode(EncodedImage { bytes, name: "test.hdr", format: Format::Hdr })
+        decode(EncodedImage { bytes, name: "test.hdr", format: Format::Hdr }, &mut Vec::new())
     }
 
     fn file(header: &str, data: &[u8]) -> Vec<u8> {
@@ -300,12 +299,16 @@ mod tests {
             assert_eq!(read(&file(header, &A)).unwrap().pixels(), [A_RGB], "{header}");
         }
         // radiance was multiplied by the exposures: reading divides
+        for line in ["EXPOSURE=0", "EXPOSURE=x", "EXPOSURE=inf", "COLORCORR=1 2"] {
+            let bytes = file(&format!("#?RADIANCE\n{line}\n\n-Y 1 +X 1\n"), &A);
+            let mut notes = Vec::new();
+            decode(EncodedImage { bytes: &bytes, name: "test.hdr", format: Format::Hdr }, &mut notes).unwrap();
+            assert_eq!(notes, [PhotoNote::IgnoredHeader { line: line.into() }]);
+        }
         let exposed = read(&file("#?RADIANCE\nEXPOSURE=2\nEXPOSURE= 4\nCOLORCORR=1 2 1\n\n-Y 1 +X 1\n", &A)).unwrap();
         assert_eq!(exposed.pixels(), [[1.0 / 8.0, 0.5 / 16.0, 0.0]]);
         for (header, says) in [
             ("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n", "xyze"),
-            ("#?RADIANCE\nEXPOSURE=0\n\n-Y 1 +X 1\n", "EXPOSURE"),
-            ("#?RADIANCE\nEXPOSURE=x\n\n-Y 1 +X 1\n", "EXPOSURE"),
             ("#?RADIANCE\n\n-Y 1 +Y 1\n", "resolution"),
             ("#?RADIANCE\n\n-Y -1 +X 1\n", "resolution"),
             ("#?RADIANCE\n\nhello\n", "resolution"),

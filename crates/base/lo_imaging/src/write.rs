@@ -9,6 +9,7 @@ use crate::atomic::replace_when_written;
 use crate::color::srgb_from_linear;
 use crate::exr_write::{self, ChannelGroup, ExrOptions};
 use crate::generator::{mark_jpeg, mark_png};
+use crate::photo_tags::{MAX_SEGMENT, PhotoTags};
 use crate::{DepthMap, Format, Image, ImageError, Photo, RadianceImage, ToneCurve, depth, pfm, rgbe};
 
 /// Default JPEG quality: no visible loss.
@@ -85,8 +86,9 @@ fn checked_exr<T>(
 
 /// Writes a photo with the name of the writing program, `generator` (not in PFM).
 ///
-/// 8-bit photos become PNG (lossless) or JPEG ([`JPEG_QUALITY`]). Linear photos become 16-bit sRGB PNG or JPEG. Both
-/// can also be written as radiance: EXR, HDR or PFM.
+/// 8-bit photos become PNG (lossless) or JPEG ([`JPEG_QUALITY`]), with the colour profile, EXIF and XMP of
+/// [`Photo::Encoded8`]. Linear photos become 16-bit sRGB PNG or JPEG. Both can also be written as radiance: EXR, HDR or
+/// PFM.
 pub fn write_photo(path: impl AsRef<Path>, photo: &Photo, generator: &str) -> Result<(), ImageError> {
     let path = path.as_ref();
     match Format::from_extension(path) {
@@ -101,6 +103,9 @@ pub fn encode_photo(name: impl AsRef<Path>, photo: &Photo, generator: &str) -> R
     let name = name.as_ref();
     match (photo, Format::from_extension(name)) {
         (Photo::Srgb8(image), _) => encode_srgb8(name, image, JPEG_QUALITY, generator),
+        (Photo::Encoded8(photo), _) => {
+            encode_rgb8(name, &photo.image, JPEG_QUALITY, generator, &PhotoTags::of(&photo.encoding))
+        }
         (Photo::Linear(image), Some(Format::Png)) => {
             let code = |v: f32| (srgb_from_linear(v) * 65535.0 + 0.5) as u16;
             encode_png16(name, &image.map(|rgb| rgb.map(code)), generator)
@@ -128,19 +133,35 @@ pub fn encode_srgb8(
     quality: u8,
     generator: &str,
 ) -> Result<Vec<u8>, ImageError> {
-    let path = name.as_ref();
+    encode_rgb8(name.as_ref(), image, quality, generator, &PhotoTags::default())
+}
+
+fn encode_rgb8(
+    path: &Path,
+    image: &Image<[u8; 3]>,
+    quality: u8,
+    generator: &str,
+    tags: &PhotoTags,
+) -> Result<Vec<u8>, ImageError> {
     let (bytes, color) = (image.pixels().as_flattened(), ExtendedColorType::Rgb8);
+    let (width, height) = (image.width() as u32, image.height() as u32);
     match Format::from_extension(path) {
-        Some(Format::Png) => encoded(path, Format::Png, image, |out| png(out, bytes, image, color), generator),
+        Some(Format::Png) => {
+            let encode = |out: &mut Cursor<Vec<u8>>| {
+                tags.on(PngEncoder::new(out), usize::MAX)?.write_image(bytes, width, height, color)
+            };
+            let mut png = encoded(path, Format::Png, image, encode, generator)?;
+            tags.add_xmp_to_png(&mut png);
+            Ok(png)
+        }
         Some(Format::Jpeg) => {
-            let (width, height) = (image.width() as u32, image.height() as u32);
-            encoded(
-                path,
-                Format::Jpeg,
-                image,
-                |out| JpegEncoder::new_with_quality(out, quality.clamp(1, 100)).encode(bytes, width, height, color),
-                generator,
-            )
+            let encode = |out: &mut Cursor<Vec<u8>>| {
+                let encoder = JpegEncoder::new_with_quality(out, quality.clamp(1, 100));
+                tags.on(encoder, MAX_SEGMENT)?.write_image(bytes, width, height, color)
+            };
+            let mut jpeg = encoded(path, Format::Jpeg, image, encode, generator)?;
+            tags.add_xmp_to_jpeg(&mut jpeg);
+            Ok(jpeg)
         }
         _ => Err(ImageError::OutputFormat { path: path.to_owned(), supported: ".png, .jpg" }),
     }

@@ -34,6 +34,7 @@ impl<W: Write> Y4mWriter<W> {
         };
         match photo {
             Photo::Srgb8(image) => image.pixels().iter().for_each(|&rgb| put(rgb)),
+            Photo::Encoded8(photo) => photo.srgb8().pixels().iter().for_each(|&rgb| put(rgb)),
             Photo::Linear(image) => image.pixels().iter().for_each(|pixel| put(pixel.map(srgb8_from_linear))),
         }
         let [y, cb, cr] = &planes;

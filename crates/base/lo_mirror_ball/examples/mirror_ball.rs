@@ -38,8 +38,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{:?}, confidence {:.2}", found.view.circle(), found.confidence);
 
     let tile = |photo: &Photo| match photo {
-        Photo::Srgb8(image) => photo_tile(image, 400, 300),
         Photo::Linear(image) => ToneCurve::Clip.map(image, 0.0),
+        photo => photo_tile(&photo.srgb8(), 400, 300),
     };
     let shown = |map: &lo_imaging::RadianceImage| ToneCurve::Aces.map(&resize_equirectangular(map, 600, 300), 0.0);
     let sheet = [tile(&photos[0]), shown(&unwrapped.radiance), shown(&map)];

@@ -2,7 +2,7 @@ use rayon::prelude::*;
 
 use super::BallError;
 use lo_imaging::PhotoExposure;
-use lo_imaging::{Image, Photo, RadianceImage, linear_from_srgb8, srgb_from_linear};
+use lo_imaging::{EncodedPhoto, Image, Photo, RadianceImage, linear_from_srgb8, srgb_from_linear};
 
 /// An HDR image merged from a bracket of photos.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,7 +145,7 @@ pub(super) struct ExposureSample {
 impl<'a> BracketPhoto<'a> {
     pub fn new(photo: &'a Photo) -> Self {
         let clips = match photo {
-            Photo::Srgb8(_) => true,
+            Photo::Srgb8(_) | Photo::Encoded8(_) => true,
             Photo::Linear(image) => !image.pixels().par_iter().flatten_iter().any(|&v| v > 1.0),
         };
         Self { photo, clips }
@@ -156,6 +156,10 @@ impl<'a> BracketPhoto<'a> {
             Photo::Srgb8(image) => {
                 let stored = image.pixels()[pixel];
                 (stored.map(linear_from_srgb8), stored.map(|v| f32::from(v) / 255.0))
+            }
+            Photo::Encoded8(EncodedPhoto { image, encoding }) => {
+                let stored = image.pixels()[pixel];
+                (encoding.linear(stored).map(|v| v.max(0.0)), stored.map(|v| f32::from(v) / 255.0))
             }
             Photo::Linear(image) => {
                 let linear = image.pixels()[pixel].map(|v| v.max(0.0));

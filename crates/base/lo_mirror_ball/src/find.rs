@@ -54,6 +54,9 @@ pub fn find_ball(photo: &RadianceImage, lens: BallLens) -> Result<Option<BallDet
         return Err(BallError::NoPhoto);
     }
     check_lens(lens)?;
+    if let Some(circle) = inscribed(photo) {
+        return Ok(Some(BallDetection { view: BallView::new(circle, lens, size)?, confidence: 1.0 }));
+    }
     let grey = grey(photo);
     let detector = CircleDetector::new(&grey);
     let mut refined: Vec<(f64, BallCircle)> =
@@ -70,6 +73,43 @@ pub fn find_ball(photo: &RadianceImage, lens: BallLens) -> Result<Option<BallDet
         Some(BallDetection { view, confidence: compressed * large * edges })
     });
     Ok(detections.collect::<Vec<BallDetection>>().into_iter().max_by(|a, b| a.confidence.total_cmp(&b.confidence)))
+}
+
+/// Least share of the corners with one colour, and most of the ball's rim with that colour, in a picture of a ball that
+/// fills its square.
+const PLAIN_CORNERS: f64 = 0.98;
+const PLAIN_RIM: f64 = 0.3;
+
+/// Returns the circle inscribed in a square picture if its corners have one colour, as programs cut out a ball
+/// (DiffusionLight's `ball` folder).
+fn inscribed(photo: &RadianceImage) -> Option<BallCircle> {
+    let (width, height) = (photo.width(), photo.height());
+    let radius_px = 0.5 * width.min(height) as f64;
+    if width.abs_diff(height) > 1 || radius_px < 16.0 {
+        return None;
+    }
+    let middle = [0.5 * width as f64, 0.5 * height as f64];
+    let (mut corners, mut rim) = (Vec::new(), Vec::new());
+    for (index, &rgb) in photo.pixels().iter().enumerate() {
+        let at = [(index % width) as f64 + 0.5, (index / width) as f64 + 0.5];
+        // the outline itself is blended
+        match distance(at, middle) - radius_px {
+            beyond if beyond > 1.5 => corners.push(rgb),
+            beyond if (-0.05 * radius_px..-1.5).contains(&beyond) => rim.push(rgb),
+            _ => {}
+        }
+    }
+    let median = |c: usize| {
+        let mut values: Vec<f32> = corners.iter().map(|rgb| rgb[c]).collect();
+        let middle = values.len() / 2;
+        *values.select_nth_unstable_by(middle, f32::total_cmp).1
+    };
+    let plain = [median(0), median(1), median(2)];
+    let tolerance = |c: usize| 0.004 + 0.02 * plain[c].abs();
+    let is_plain = |rgb: &&[f32; 3]| (0..3).all(|c| (rgb[c] - plain[c]).abs() <= tolerance(c));
+    let share = |pixels: &[[f32; 3]]| pixels.iter().filter(is_plain).count() as f64 / pixels.len() as f64;
+    let found = share(&corners) >= PLAIN_CORNERS && share(&rim) <= PLAIN_RIM;
+    found.then_some(BallCircle { x: middle[0], y: middle[1], radius_px })
 }
 
 fn check_lens(lens: BallLens) -> Result<(), BallError> {
@@ -120,4 +160,39 @@ fn fitted(grey: &Image<f32>, start: BallView) -> Option<BallView> {
         }
     }
     Some(view)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn picture(corner: impl Fn(usize, usize) -> f32) -> RadianceImage {
+        Image::from_fn(96, 96, |x, y| {
+            let inside = distance([x as f64 + 0.5, y as f64 + 0.5], [48.0; 2]) < 48.0;
+            [if inside { 0.2 + 0.01 * ((x * 7 + y * 3) % 40) as f32 } else { corner(x, y) }; 3]
+        })
+    }
+
+    #[test]
+    fn a_ball_that_fills_its_square_is_found() {
+        for corner in [0.0, 1.0, 0.18] {
+            let found = find_ball(&picture(|_, _| corner), BallLens::Orthographic).unwrap().unwrap();
+            let BallCircle { x, y, radius_px } = found.view.circle();
+            assert!((x - 48.0).abs() + (y - 48.0).abs() + (radius_px - 48.0).abs() < 1e-6);
+            assert_eq!(found.confidence, 1.0);
+        }
+        assert_eq!(inscribed(&picture(|x, y| 0.01 * ((x * 5 + y * 11) % 50) as f32)), None, "the corners show a room");
+        assert_eq!(inscribed(&Image::new(96, 96, vec![[0.0; 3]; 96 * 96])), None, "all is black");
+    }
+
+    #[test]
+    fn cut_out_balls_are_found_in_files() {
+        let Some(inputs) = lo_testdata::shared_data("inputs", "cut-out mirror balls") else { return };
+        for name in ["ball_ev-0.png", "ball_ev-25.png", "ball_ev-50.png"] {
+            let photo = lo_imaging::read_radiance(inputs.join(name)).unwrap();
+            let found = find_ball(&photo, BallLens::Orthographic).unwrap().unwrap().view.circle();
+            assert_eq!([found.x, found.y, found.radius_px], [128.0; 3], "{name}");
+        }
+    }
 }

@@ -3,7 +3,6 @@ use lo_imaging::{Photo, PhotoFile};
 use lo_scene::{CameraSource, working_photo};
 
 use crate::Estimator;
-use crate::prepared_input::srgb8;
 
 /// Horizontal field of view assumed for a photo with no other information on its lens, in degrees.
 ///
@@ -29,7 +28,7 @@ impl Estimator {
     pub(crate) fn camera_without_exif(&self, photo: &Photo) -> Result<(Camera, CameraSource), CameraError> {
         let (width, height) = (photo.width() as u32, photo.height() as u32);
         let default = Camera::from_hfov_deg(DEFAULT_HFOV_DEG, width, height)?;
-        let predicted = self.networks().and_then(|networks| networks.perspective(&srgb8(&working_photo(photo)), None));
+        let predicted = self.networks().and_then(|networks| networks.perspective(&working_photo(photo).srgb8(), None));
         let Some(predicted) = predicted else { return Ok((default, CameraSource::Default)) };
         let focal = 0.5 * f64::from(width.max(height)) / predicted.camera.half_extent;
         Ok((with_focal(photo, focal)?, CameraSource::Network { deviation_deg: predicted.fov_deviation_deg as f32 }))
@@ -45,12 +44,12 @@ fn with_focal(photo: &Photo, focal: f64) -> Result<Camera, CameraError> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use lo_imaging::{FocalLength, Image, PhotoExposure};
+    use lo_imaging::{FocalLength, Image};
 
     #[test]
     fn exif_wins_over_the_default() {
         let photo = Photo::Srgb8(Image::new(600, 400, vec![[0; 3]; 240_000]));
-        let plain = PhotoFile { photo, focal: FocalLength::default(), exposure: PhotoExposure::default() };
+        let plain = PhotoFile::new(photo);
         let (camera, source) = Estimator::without_networks().camera_of(&plain).unwrap();
         assert_eq!(source, CameraSource::Default);
         assert!((camera.hfov_deg() - DEFAULT_HFOV_DEG).abs() < 1e-9);

@@ -7,7 +7,7 @@ use lo_nets::{CompletedLight, Networks, ObservedRoom};
 use lo_octree::{LightOctree, RadiancePoint};
 use lo_scene::{ObservedPhoto, Room, Surfel, place_cube};
 
-use crate::prepared_input::{PreparedInput, srgb8};
+use crate::prepared_input::PreparedInput;
 use crate::{EstimateError, EstimateOptions, EstimateWarning, ObservedFrame, stages};
 
 /// The light of a room, with what an estimate stores beside it.
@@ -27,7 +27,7 @@ pub(crate) fn by_network(
 ) -> Result<CompletedRoom, EstimateError> {
     let global = match &input.global {
         Some(global) => global.clone(),
-        None => stage(on_event, stages::GLOBAL_LIGHT, || networks.global_light(&srgb8(&input.working.photo)))?,
+        None => stage(on_event, stages::GLOBAL_LIGHT, || networks.global_light(&input.working.photo.srgb8()))?,
     };
     let observed = ObservedFrame::from_photos(&input.working_frames(), input.observed(), options.up)
         .ok_or(EstimateError::NoUsableDepth)?;

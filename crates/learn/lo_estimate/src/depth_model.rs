@@ -7,7 +7,6 @@ use lo_geometry::Camera;
 use lo_imaging::{DepthMap, Photo, resize_depth};
 use lo_scene::{CameraSource, Frame, working_photo};
 
-use crate::prepared_input::srgb8;
 use crate::{EstimateError, EstimateWarning, Estimator, PredictedDepth, stages};
 
 /// Largest ratio between the aspects of depth and photo at which depth is not resampled to the photo's aspect.
@@ -43,7 +42,7 @@ impl Estimator {
             None if model.predicts_field_of_view() => (None, Some(CameraSource::DepthModel)),
             None => own_lens().map(|(camera, source)| (Some(camera), Some(source)))?,
         };
-        let predicted = model.predict(&srgb8(&photo), known.as_ref(), on_event)?;
+        let predicted = model.predict(&photo.srgb8(), known.as_ref(), on_event)?;
         let angle = predicted.field_of_view.map(|angles| angles.horizontal_deg);
         let camera = match (known, angle) {
             (Some(camera), _) => camera,
@@ -79,7 +78,7 @@ impl Estimator {
         let networks = self.networks().ok_or(EstimateError::NoNetworks("a depth model of relative depth"))?;
         let small = stage(on_event, stages::WORKING_RESOLUTION, || working_photo(photo))?;
         let depth_m =
-            stage(on_event, stages::DEPTH_AND_GLOBAL_LIGHT, || networks.predict(&srgb8(&small), camera).depth_m)?;
+            stage(on_event, stages::DEPTH_AND_GLOBAL_LIGHT, || networks.predict(&small.srgb8(), camera).depth_m)?;
         if depth_m.pixels().iter().all(|z| z.is_finite()) { Ok(depth_m) } else { Err(EstimateError::NonFiniteDepth) }
     }
 }

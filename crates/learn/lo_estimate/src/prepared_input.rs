@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use lo_completion::{up_from_predicted_depth, up_near};
 use lo_events::{OnEvent, stage, warn};
 use lo_geometry::{Camera, PerspectiveFit, RigidTransform, Vec3};
-use lo_imaging::{Image, Photo, srgb8_from_linear};
+use lo_imaging::{Image, Photo};
 use lo_nets::{GlobalLight, Networks, PhotoPrediction};
 use lo_scene::{Frame, ObservedPhoto, OtherPhoto, PosedFrame, Surfel, working_photo};
 
@@ -117,7 +117,7 @@ impl PreparedInput {
         }
         if let Some(networks) = networks.filter(|_| self.global.is_none()) {
             let extent = self.frame.camera.half_extent();
-            let predict = || networks.light_and_camera(&srgb8(&self.working.photo), extent);
+            let predict = || networks.light_and_camera(&self.working.photo.srgb8(), extent);
             let (global, perspective) = stage(on_event, stages::GLOBAL_LIGHT, predict)?;
             (self.global, self.perspective) = (Some(global), perspective);
         }
@@ -155,7 +155,7 @@ fn with_predicted_depth(
 ) -> Result<PreparedInput, EstimateError> {
     let small = stage(on_event, stages::WORKING_RESOLUTION, || working_photo(&photo))?;
     let PhotoPrediction { depth_m, light: global, perspective } =
-        stage(on_event, stages::DEPTH_AND_GLOBAL_LIGHT, || networks.predict(&srgb8(&small), &camera))?;
+        stage(on_event, stages::DEPTH_AND_GLOBAL_LIGHT, || networks.predict(&small.srgb8(), &camera))?;
     if !depth_m.pixels().iter().all(|z| z.is_finite()) {
         return Err(EstimateError::NonFiniteDepth);
     }
@@ -215,12 +215,4 @@ fn from_photos(
         normals: None,
         observed: OnceLock::new(),
     })
-}
-
-/// Encodes a photo as 8-bit sRGB, the networks' input.
-pub(crate) fn srgb8(photo: &Photo) -> Image<[u8; 3]> {
-    match photo {
-        Photo::Srgb8(image) => image.clone(),
-        Photo::Linear(image) => image.map(|rgb| rgb.map(srgb8_from_linear)),
-    }
 }

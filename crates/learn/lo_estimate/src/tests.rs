@@ -9,7 +9,7 @@ use std::sync::Arc;
 use lo_cone::ConeTracer;
 use lo_events::{Cancelled, Event};
 use lo_geometry::{Camera, Vec3};
-use lo_imaging::{DepthMap, FocalLength, Image, Photo, PhotoExposure, PhotoFile};
+use lo_imaging::{DepthMap, FocalLength, Image, Photo, PhotoFile};
 use lo_nets::checkpoint::Checkpoint;
 use lo_nets::depth::EncoderKind;
 use lo_nets::light::{LightNetConfig, NetworkWarning};
@@ -254,9 +254,9 @@ fn a_photo_alone_gets_its_depth() {
 fn the_networks_predict_the_camera_without_exif() {
     let networks = Networks::new(EncoderKind::EfficientNetLite0, &config(), 5, &Device::flex()).unwrap();
     let estimator = Estimator::new(networks);
-    let file = |focal| PhotoFile { photo: photo(), focal, exposure: PhotoExposure::default() };
+    let file = |focal| PhotoFile { focal, ..PhotoFile::new(photo()) };
     let (lens, source) = estimator.camera_of(&file(FocalLength::default())).unwrap();
-    let srgb8 = crate::prepared_input::srgb8(&lo_scene::working_photo(&photo()));
+    let srgb8 = lo_scene::working_photo(&photo()).srgb8();
     let predicted = estimator.networks().unwrap().perspective(&srgb8, None).unwrap();
     assert!((lens.half_extent() / predicted.camera.half_extent - 1.0).abs() < 1e-9);
     assert_eq!(source, CameraSource::Network { deviation_deg: predicted.fov_deviation_deg as f32 });

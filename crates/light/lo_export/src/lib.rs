@@ -192,9 +192,15 @@ fn usda_room(
     let of_room: RadianceImage = atlas.image(room.quads.len(), [0.0; 3], |quad, corner| room.radiance[quad][corner]);
     let room_texture = texture("room.exr", &of_room)?;
     let seen = restored.map(|radiance| texture("seen.exr", &radiance)).transpose()?;
-    let photo_texture = if matches!(frame.photo, Photo::Srgb8(_)) && frame.exposure == 1.0 {
+    let shown_as_is = match &frame.photo {
+        Photo::Srgb8(_) => true,
+        Photo::Encoded8(photo) => photo.encoding.gain_map.is_none(),
+        Photo::Linear(_) => false,
+    };
+    let photo_texture = if shown_as_is && frame.exposure == 1.0 {
         let file = SiblingFile::new(path, "photo.png")?;
-        lo_imaging::write_photo(&file.path, &frame.photo, header::SOFTWARE)?;
+        // renderers ignore the profiles of textures
+        lo_imaging::write_srgb8(&file.path, &frame.photo.srgb8(), lo_imaging::JPEG_QUALITY, header::SOFTWARE)?;
         report.files.push(file.path);
         usda::Texture { file: file.name, space: "sRGB" }
     } else {

@@ -282,8 +282,9 @@ impl Inserter {
     fn colour(&self, pixel: (usize, usize)) -> Vec3 {
         match &self.frame.photo {
             Photo::Srgb8(image) => Vec3::from(image[pixel].map(f32::from)) / 255.0,
-            Photo::Linear(image) => {
-                Vec3::from(image[pixel].map(|value| lo_imaging::srgb_from_linear(value.clamp(0.0, 1.0))))
+            photo => {
+                let linear = photo.linear_at(pixel);
+                Vec3::from(linear.map(|value| lo_imaging::srgb_from_linear(value.clamp(0.0, 1.0))))
             }
         }
     }

@@ -9,12 +9,14 @@ use std::sync::Arc;
 
 use half::f16;
 use lo_geometry::{Camera, Quat};
-use lo_imaging::{Image, Photo, write_atomically};
-use lo_octree::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
-use safetensors::{Dtype, SafeTensors, View};
+use lo_imaging::{EncodedPhoto, Image, Photo, write_atomically};
+use lo_octree::{OctreeHeader, read_tensors, write_tensors};
+use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
 use crate::camera_source::is_deviation;
+use crate::document_tensors::{Tensor, layout, tensor};
+use crate::photo_encoding_file::{self, EncodingHeader};
 use crate::{
     CameraSource, Completion, Estimate, EstimateOrigin, ExpectedLight, Frame, LightEdits, ObjectDisplay, OtherPhoto,
     PanoramaContribution, PanoramaImage, PanoramaSource, Room, SceneError, SceneObjects,
@@ -55,6 +57,8 @@ struct Metadata {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     camera_source: Option<CameraSource>,
     exposure: f32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    photo_encoding: Option<EncodingHeader>,
     completion: Completion,
     room: Option<Room>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -181,7 +185,15 @@ impl SceneFile {
             image: PanoramaHeader::of(&expected.image),
             contrast_stops: expected.contrast_stops,
         });
+        let (photo_encoding, encoding_tensors) = match &estimate.frame.photo {
+            Photo::Encoded8(photo) => {
+                let (header, tensors) = photo_encoding_file::write(&photo.encoding);
+                (Some(header), tensors)
+            }
+            _ => (None, Vec::new()),
+        };
         let metadata = Metadata {
+            photo_encoding,
             format_version: FORMAT_VERSION,
             program: format!("{generator} {}", env!("CARGO_PKG_VERSION")),
             octree,
@@ -212,12 +224,11 @@ impl SceneFile {
         tensors.push(("depth_m".to_owned(), Tensor::floats(vec![depth.height(), depth.width()], depth.pixels())));
         let shape = vec![estimate.frame.photo.height(), estimate.frame.photo.width(), 3];
         let photo = match &estimate.frame.photo {
-            Photo::Srgb8(image) => {
-                Tensor::Plain { dtype: Dtype::U8, shape, bytes: Cow::Borrowed(image.pixels().as_flattened()) }
-            }
+            Photo::Srgb8(image) | Photo::Encoded8(EncodedPhoto { image, .. }) => Tensor::srgb8(image),
             Photo::Linear(image) => Tensor::floats(shape, image.pixels().as_flattened()),
         };
         tensors.push(("photo".to_owned(), photo));
+        tensors.extend(encoding_tensors);
         let shares = [
             ("confidence", estimate.confidence.as_ref()),
             (PANORAMA_SHARE, estimate.panorama.as_ref().map(|contribution| &contribution.share)),
@@ -285,7 +296,7 @@ impl SceneFile {
         }
         metadata.light_edits.check().map_err(SceneError::Metadata)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
-        let frame = Frame::new(read_photo(&tensors)?, read_depth(&tensors)?, metadata.camera, metadata.exposure)?;
+        let frame = Frame::new(read_photo(&tensors, metadata.photo_encoding.as_ref())?, read_depth(&tensors)?, metadata.camera, metadata.exposure)?;
         let light = read_tensors(&tensors, &metadata.octree)?;
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
         let confidence = metadata.confidence.then(|| read_shares(&tensors, "confidence", &light.rgba)).transpose()?;
@@ -316,10 +327,14 @@ impl SceneFile {
     }
 }
 
-fn read_photo(tensors: &SafeTensors<'_>) -> Result<Photo, SceneError> {
+fn read_photo(tensors: &SafeTensors<'_>, encoding: Option<&EncodingHeader>) -> Result<Photo, SceneError> {
     let (dtype, shape, bytes) = tensor(tensors, "photo")?;
     match (dtype, shape.as_slice()) {
-        (Dtype::U8, &[height, width, 3]) => Ok(Photo::Srgb8(Image::new(width, height, bytes.as_chunks().0.to_vec()))),
+        (Dtype::U8, &[height, width, 3]) => {
+            let image = Image::new(width, height, bytes.as_chunks().0.to_vec());
+            let encoding = encoding.map(|header| photo_encoding_file::read(tensors, header)).transpose()?;
+            Ok(Photo::encoded8(image, encoding.unwrap_or_default()))
+        }
         (Dtype::F32, &[height, width, 3]) => {
             let values = floats(bytes);
             if let Some(index) = values.iter().position(|v| !v.is_finite()) {
@@ -435,19 +450,6 @@ fn read_shares(
     Ok(depths.collect())
 }
 
-/// Returns type, shape and bytes. The safetensors crate has checked that the number of bytes fits type and shape.
-fn tensor<'data>(
-    tensors: &SafeTensors<'data>,
-    name: &'static str,
-) -> Result<(Dtype, Vec<usize>, &'data [u8]), SceneError> {
-    let view = tensors.tensor(name).map_err(|_| SceneError::MissingTensor(name))?;
-    Ok((view.dtype(), view.shape().to_vec(), view.data()))
-}
-
-fn layout(tensor: &'static str, expected: &'static str, dtype: Dtype, shape: &[usize]) -> SceneError {
-    SceneError::Layout { tensor, expected, got: format!("{dtype} {shape:?}") }
-}
-
 fn floats(bytes: &[u8]) -> Vec<f32> {
     bytes.as_chunks().0.iter().map(|&word| f32::from_le_bytes(word)).collect()
 }
@@ -455,57 +457,4 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
 /// Returns the part after the last slash or backslash; scene files store no folders.
 fn file_name(path: &str) -> String {
     path.rsplit(['/', '\\']).next().unwrap_or_default().to_owned()
-}
-
-enum Tensor<'a> {
-    Octree(NamedTensor),
-    Plain { dtype: Dtype, shape: Vec<usize>, bytes: Cow<'a, [u8]> },
-}
-
-impl<'a> Tensor<'a> {
-    fn bytes(bytes: &'a [u8]) -> Self {
-        Self::Plain { dtype: Dtype::U8, shape: vec![bytes.len()], bytes: Cow::Borrowed(bytes) }
-    }
-
-    fn image(image: &PanoramaImage, scale: f32) -> Self {
-        let values = image.radiance.pixels().as_flattened();
-        let bytes = values.iter().flat_map(|value| f16::from_f32(value / scale).to_le_bytes()).collect();
-        let shape = vec![image.radiance.height(), image.radiance.width(), 3];
-        Self::Plain { dtype: Dtype::F16, shape, bytes: Cow::Owned(bytes) }
-    }
-
-    fn floats(shape: Vec<usize>, values: &[f32]) -> Self {
-        let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        Self::Plain { dtype: Dtype::F32, shape, bytes: Cow::Owned(bytes) }
-    }
-}
-
-impl View for Tensor<'_> {
-    fn dtype(&self) -> Dtype {
-        match self {
-            Self::Octree(tensor) => tensor.dtype(),
-            Self::Plain { dtype, .. } => *dtype,
-        }
-    }
-
-    fn shape(&self) -> &[usize] {
-        match self {
-            Self::Octree(tensor) => tensor.shape(),
-            Self::Plain { shape, .. } => shape,
-        }
-    }
-
-    fn data(&self) -> Cow<'_, [u8]> {
-        match self {
-            Self::Octree(tensor) => tensor.data(),
-            Self::Plain { bytes, .. } => Cow::Borrowed(bytes),
-        }
-    }
-
-    fn data_len(&self) -> usize {
-        match self {
-            Self::Octree(tensor) => tensor.data_len(),
-            Self::Plain { bytes, .. } => bytes.len(),
-        }
-    }
 }

@@ -126,22 +126,30 @@ impl Frame {
         let exposure = self.exposure;
         match &self.photo {
             Photo::Srgb8(image) => image.map(|p| p.map(|c| lo_imaging::linear_from_srgb8(c) * exposure)),
+            Photo::Encoded8(photo) => {
+                let mut radiance = photo.radiance();
+                radiance.pixels_mut().iter_mut().for_each(|p| *p = p.map(|c| c * exposure));
+                radiance
+            }
             Photo::Linear(image) => image.map(|p| p.map(|c| if c.is_finite() { c.max(0.0) * exposure } else { 0.0 })),
         }
     }
 
     /// Returns which photo pixels the sensor clipped: those with a channel at or above 250 of 255 (sRGB).
     ///
-    /// A linear photo with values above 1 is HDR and counts as unclipped.
+    /// A photo with values above 1, by its linear values or its gain map, is HDR and counts as unclipped.
     pub fn clipped(&self) -> Image<bool> {
         /// 250 / 255 in linear light.
         const CLIP_LEVEL: f32 = 0.956;
+        let above = |image: &RadianceImage| {
+            let hdr = image.pixels().iter().flatten().any(|&c| c > 1.0 + 1e-3);
+            image.map(|p| !hdr && p.iter().any(|&c| c >= CLIP_LEVEL))
+        };
         match &self.photo {
             Photo::Srgb8(image) => image.map(|p| p.iter().any(|&c| c >= 250)),
-            Photo::Linear(image) => {
-                let hdr = image.pixels().iter().flatten().any(|&c| c > 1.0 + 1e-3);
-                image.map(|p| !hdr && p.iter().any(|&c| c >= CLIP_LEVEL))
-            }
+            Photo::Encoded8(photo) if photo.encoding.gain_map.is_some() => above(&photo.radiance()),
+            Photo::Encoded8(photo) => photo.image.map(|p| p.iter().any(|&c| c >= 250)),
+            Photo::Linear(image) => above(image),
         }
     }
 }

@@ -62,6 +62,7 @@
 mod camera_source;
 mod derived;
 mod document_file;
+mod document_tensors;
 mod edited_light;
 mod error;
 mod estimate;
@@ -73,6 +74,7 @@ mod lit_scene;
 mod observed_photo;
 mod overlap;
 mod panorama;
+mod photo_encoding_file;
 mod placement;
 mod posed_frame;
 pub mod poses;

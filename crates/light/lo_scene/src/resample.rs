@@ -33,9 +33,13 @@ pub(crate) fn working_size(photo: &Photo) -> (usize, usize) {
 pub fn resized_photo(photo: &Photo, width: usize, height: usize) -> Photo {
     match photo {
         photo if (photo.width(), photo.height()) == (width, height) => photo.clone(),
-        Photo::Srgb8(image) => Photo::Linear(boxed(image, width, height, |p| p.map(linear_from_srgb8))),
+        Photo::Srgb8(image) => Photo::Linear(boxed(image, width, height, |_, p| p.map(linear_from_srgb8))),
+        Photo::Encoded8(photo) => {
+            Photo::Linear(boxed(&photo.image, width, height, |index, p| photo.radiance_of(p, index)))
+        }
         Photo::Linear(image) => {
-            Photo::Linear(boxed(image, width, height, |p| p.map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 })))
+            let finite = |c: f32| if c.is_finite() { c.max(0.0) } else { 0.0 };
+            Photo::Linear(boxed(image, width, height, |_, p| p.map(finite)))
         }
     }
 }
@@ -44,7 +48,7 @@ fn boxed<T: Copy + Sync>(
     image: &Image<T>,
     width: usize,
     height: usize,
-    linear: impl Fn(T) -> [f32; 3] + Sync,
+    linear: impl Fn(usize, T) -> [f32; 3] + Sync,
 ) -> RadianceImage {
     let columns: Vec<Footprint> = (0..width).map(|x| Footprint::new(x, width, image.width())).collect();
     let rows: Vec<Vec<[f32; 3]>> = (0..height)
@@ -53,9 +57,10 @@ fn boxed<T: Copy + Sync>(
             let footprint = Footprint::new(y, height, image.height());
             let mut sums = vec![[0.0f32; 3]; image.width()];
             for (row, weight) in footprint.weights() {
-                let line = &image.pixels()[row * image.width()..(row + 1) * image.width()];
-                for (sum, &pixel) in sums.iter_mut().zip(line) {
-                    let value = linear(pixel);
+                let first = row * image.width();
+                let line = &image.pixels()[first..first + image.width()];
+                for (x, (sum, &pixel)) in sums.iter_mut().zip(line).enumerate() {
+                    let value = linear(first + x, pixel);
                     for c in 0..3 {
                         sum[c] += weight * value[c];
                     }

@@ -106,10 +106,7 @@ impl Renderer {
     /// Returns the photo that draft patches are laid over, at most [`RESTING_SIDE`] pixels along the longer side.
     pub fn photo(&mut self) -> &Image<[u8; 3]> {
         let photo = &self.scenes.scene().estimate().frame.photo;
-        self.photo.get_or_insert_with(|| match photo_at_side(photo, RESTING_SIDE) {
-            Photo::Srgb8(image) => image,
-            Photo::Linear(image) => image.map(|rgb| rgb.map(imaging::srgb8_from_linear)),
-        })
+        self.photo.get_or_insert_with(|| photo_at_side(photo, RESTING_SIDE).into_srgb8())
     }
 
     /// Renders a draft for display: the region of [`Renderer::photo`] that objects and shadows change.

@@ -227,8 +227,8 @@ fn cropped(frame: &Frame, height: usize) -> anyhow::Result<Frame> {
     }
     let top = (frame.depth_m.height() - height) / 2;
     let photo = match &frame.photo {
-        Photo::Srgb8(image) => Photo::Srgb8(rows(image, top, height)),
         Photo::Linear(image) => Photo::Linear(rows(image, top, height)),
+        photo => Photo::Srgb8(rows(&photo.srgb8(), top, height)),
     };
     let c = frame.camera;
     let camera = Camera::new(c.fx, c.fy, c.cx, c.cy - top as f64, c.width, height as u32)?;

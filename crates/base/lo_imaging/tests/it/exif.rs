@@ -1,10 +1,10 @@
 //! Orientation, focal length and exposure from hand-made EXIF blocks (EXIF 2.32, TIFF 6.0).
 
-use lo_imaging::{Image, Photo, PhotoFile};
+use lo_imaging::{Image, PhotoFile};
 
 /// Makes a little-endian EXIF block: orientation in IFD 0, `(tag, type, value)` in the EXIF IFD; a value of type 5 is a
 /// rational over 1000.
-fn exif_block(orientation: u16, tags: &[(u16, u16, u32)]) -> Vec<u8> {
+pub fn block(orientation: u16, tags: &[(u16, u16, u32)]) -> Vec<u8> {
     let entry = |tag: u16, kind: u16, value: u32| {
         [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1u32.to_le_bytes(), &value.to_le_bytes()].concat()
     };
@@ -58,7 +58,7 @@ fn read(bytes: &[u8]) -> PhotoFile {
 fn all_eight_orientations() {
     let stored = Image::from_fn(3, 2, |x, y| [x as u8, y as u8, 9]);
     for orientation in 1..=8u16 {
-        let Photo::Srgb8(upright) = read(&png_with(&exif_block(orientation, &[]), &stored)).photo else { panic!() };
+        let upright = read(&png_with(&block(orientation, &[]), &stored)).photo.srgb8();
         for (i, j) in (0..3).flat_map(|i| (0..2).map(move |j| (i, j))) {
             // by the standard: the visual side of the stored row 0 and column 0
             let at = match orientation {
@@ -76,10 +76,10 @@ fn all_eight_orientations() {
     }
     // no valid orientation: as stored
     for orientation in [0, 9, 60000] {
-        let photo = read(&png_with(&exif_block(orientation, &[]), &stored)).photo;
-        assert_eq!(photo, Photo::Srgb8(stored.clone()));
+        let photo = read(&png_with(&block(orientation, &[]), &stored)).photo;
+        assert_eq!(photo.srgb8(), stored);
     }
-    let Photo::Srgb8(turned) = read(&jpeg_with(&exif_block(6, &[]), 64, 32)).photo else { panic!() };
+    let turned = read(&jpeg_with(&block(6, &[]), 64, 32)).photo.srgb8();
     assert_eq!((turned.width(), turned.height()), (32, 64));
     assert!(turned[(16, 8)][0] > 240 && turned[(16, 56)][0] < 15, "the stored left side is on top");
 }
@@ -93,10 +93,10 @@ fn focal_lengths_give_the_angle_of_the_lens() {
     let centimetres = [(0x920a, 5, 50_000), (0xa002, 4, 6000), (0xa20e, 5, dpi * 100 / 254), (0xa210, 3, 3)];
     for tags in [&film[..], &plane, &centimetres] {
         // a copy at 1/50 of the size has the same angles
-        let landscape = read(&jpeg_with(&exif_block(1, tags), 120, 80));
+        let landscape = read(&jpeg_with(&block(1, tags), 120, 80));
         assert!((landscape.hfov_deg().unwrap() - 39.598).abs() < 0.01, "{:?}", landscape.focal);
         assert!((landscape.focal_px().unwrap() - 8333.33 / 50.0).abs() < 0.05);
-        let portrait = read(&jpeg_with(&exif_block(6, tags), 120, 80));
+        let portrait = read(&jpeg_with(&block(6, tags), 120, 80));
         assert!((portrait.hfov_deg().unwrap() - 26.991).abs() < 0.01, "{:?}", portrait.focal);
         assert!((portrait.focal_px().unwrap() - landscape.focal_px().unwrap()).abs() < 1e-9);
     }
@@ -104,7 +104,7 @@ fn focal_lengths_give_the_angle_of_the_lens() {
 
 #[test]
 fn exposures_are_read_plainly_and_by_apex() {
-    let exposure = |tags: &[(u16, u16, u32)]| read(&jpeg_with(&exif_block(1, tags), 12, 8)).exposure;
+    let exposure = |tags: &[(u16, u16, u32)]| read(&jpeg_with(&block(1, tags), 12, 8)).exposure;
     // 1/40 s, f/2.8, ISO 400
     let plain = exposure(&[(0x829a, 5, 25), (0x829d, 5, 2800), (0x8827, 3, 400)]);
     let close = |got: Option<f64>, expected: f64| (got.unwrap() / expected - 1.0).abs() < 1e-9;
@@ -125,10 +125,10 @@ fn unusable_focal_lengths_are_none() {
         &[(0x920a, 5, 50_000)], // millimetres without a sensor size
         &[(0x920a, 5, 50_000), (0xa20e, 5, 0), (0xa002, 4, 6000)],
     ] {
-        assert_eq!(read(&jpeg_with(&exif_block(1, tags), 120, 80)).hfov_deg(), None, "{tags:?}");
+        assert_eq!(read(&jpeg_with(&block(1, tags), 120, 80)).hfov_deg(), None, "{tags:?}");
     }
     // a damaged block fails neither the image nor the tags before the damage
-    let block = exif_block(6, &[(0xa405, 3, 50)]);
+    let block = block(6, &[(0xa405, 3, 50)]);
     for length in 0..block.len() {
         let photo = read(&jpeg_with(&block[..length], 120, 80)).photo;
         assert!(photo.width() == 120 || photo.width() == 80);

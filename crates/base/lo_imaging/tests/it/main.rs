@@ -1,6 +1,7 @@
 //! Integration tests of image and depth input. One binary, so that it is linked once.
 #![allow(clippy::unwrap_used)]
 
+mod color;
 mod damaged;
 mod exif;
 mod real_files;

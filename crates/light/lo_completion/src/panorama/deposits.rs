@@ -47,7 +47,8 @@ impl LeafSet {
         let indices = self.indices(topology);
         let row = |row: usize| {
             let (mut deposits, mut sides) = (Vec::new(), Vec::new());
-            for (column, direction) in (0..).zip(rays.directions(row)) {
+            let shown = (0u32..).zip(rays.directions(row)).filter(|(column, _)| !rays.light(*column as usize, row).missing);
+            for (column, direction) in shown {
                 let ray = Ray { origin: position_m, direction };
                 sides.extend(
                     self.cast(topology, &indices, &ray, |deposit| deposits.push(Deposit { column, ..deposit })),

@@ -3,7 +3,7 @@
 use std::f32::consts::{PI, TAU};
 use std::ops::Range;
 
-use lo_geometry::{Mat3, Vec3};
+use lo_geometry::{Mat3, Vec3, uv_from_direction};
 use lo_imaging::{Image, RadianceImage, luminance, resize_equirectangular, sample_equirectangular, view_rotation};
 use lo_scene::{ObservedPhoto, PanoramaSource};
 use rayon::prelude::*;
@@ -258,6 +258,8 @@ struct MatchLevel {
     /// The panorama's values of these features.
     features: Image<[f32; 3]>,
     radiance: RadianceImage,
+    /// Whether the panorama shows a pixel; `None` for all.
+    covered: Option<Image<bool>>,
 }
 
 impl MatchLevel {
@@ -270,29 +272,48 @@ impl MatchLevel {
         let rows = radiance.height();
         let weights = (0..rows).map(|y| lo_geometry::pixel_solid_angle_sr(y, columns, rows));
         let weights = weights.flat_map(|weight| std::iter::repeat_n(weight, columns));
+        let covered = prior.covered().map(|mask| {
+            let missing = mask.map(|&covered| [f32::from(u8::from(!covered)); 3]);
+            resize_equirectangular(&missing, columns, columns / 2).map(|share| share[0] == 0.0)
+        });
+        let shown = |index: usize| covered.as_ref().is_none_or(|mask| mask.pixels()[index]);
+        let weights = weights.enumerate().map(|(index, weight)| if shown(index) { weight } else { 0.0 });
         let of_panorama = median(radiance.pixels().iter().map(|&rgb| luminance(rgb)).zip(weights).collect());
         let features = radiance.map(|&rgb| {
             let [brightness, red, blue] = features(rgb, of_panorama);
             [brightness.clamp(DARKEST, BRIGHTEST), red, blue]
         });
-        Self { texels, seen, features, radiance }
+        Self { texels, seen, features, radiance, covered }
+    }
+
+    /// Returns the texel's weight if the panorama shows it, else 0.
+    fn weight(&self, texel: &ObservedTexel, panorama_from_world: Mat3) -> f32 {
+        let Some(covered) = &self.covered else { return texel.weight };
+        let [u, v] = uv_from_direction(panorama_from_world * texel.direction).to_array();
+        let at = |t: f32, size: usize| ((t * size as f32) as usize).min(size - 1);
+        if covered[(at(u, covered.width()), at(v, covered.height()))] { texel.weight } else { 0.0 }
     }
 
     /// Returns the correlation of photo and panorama over every `stride`th observed texel, from −1 to 1. It tends to 0
     /// where the texels are uninformative.
     fn correlation(&self, panorama_from_world: Mat3, stride: usize) -> f32 {
         let mut sums = [Moments::default(); 3];
+        let mut whole = 0.0;
         for (texel, seen) in self.texels.iter().zip(&self.seen).step_by(stride) {
             let shown = sample_equirectangular(&self.features, panorama_from_world * texel.direction);
-            (0..3).for_each(|c| sums[c].add(seen[c], shown[c], texel.weight));
+            let weight = self.weight(texel, panorama_from_world);
+            whole += texel.weight;
+            (0..3).for_each(|c| sums[c].add(seen[c], shown[c], weight));
         }
+        // A small overlap correlates by chance.
+        let overlap = if whole > 0.0 { (sums[0].weight() / whole).sqrt() } else { 0.0 };
         let [mut both, mut photo, mut panorama] = [0.0, PLAIN, PLAIN];
         for moments in sums.map(Moments::central) {
             both += moments[0];
             photo += moments[1];
             panorama += moments[2];
         }
-        both / (photo * panorama).sqrt()
+        overlap * both / (photo * panorama).sqrt()
     }
 
     /// Returns the correlation, clamped at 0, times e^−d, where d is the median absolute difference of log luminance
@@ -300,7 +321,7 @@ impl MatchLevel {
     fn confidence(&self, panorama_from_world: Mat3) -> f32 {
         let differences = self.texels.iter().zip(&self.seen).map(|(texel, seen)| {
             let shown = sample_equirectangular(&self.features, panorama_from_world * texel.direction);
-            (seen[0] - shown[0], texel.weight)
+            (seen[0] - shown[0], self.weight(texel, panorama_from_world))
         });
         let mut differences: Vec<(f32, f32)> = differences.collect();
         let median = weighted_median(differences.clone()).unwrap_or(0.0);
@@ -315,7 +336,8 @@ impl MatchLevel {
         let ratios = self.texels.iter().filter_map(|texel| {
             let shown = luminance(sample_equirectangular(&self.radiance, panorama_from_world * texel.direction));
             let seen = luminance(texel.radiance);
-            (seen > 0.0 && shown > 0.0).then(|| ((seen / shown).ln(), texel.weight * (seen / MIDDLE).min(1.0)))
+            let weight = self.weight(texel, panorama_from_world) * (seen / MIDDLE).min(1.0);
+            (seen > 0.0 && shown > 0.0).then(|| ((seen / shown).ln(), weight))
         });
         weighted_median(ratios.collect()).map_or(1.0, f32::exp).clamp(1e-12, 1e12)
     }
@@ -334,6 +356,10 @@ impl Moments {
     fn add(&mut self, a: f32, b: f32, weight: f32) {
         let terms = [1.0, a, b, a * b, a * a, b * b];
         (0..6).for_each(|i| self.0[i] += weight * terms[i]);
+    }
+
+    fn weight(self) -> f32 {
+        self.0[0]
     }
 
     /// Returns the covariance and the two variances.

@@ -4,7 +4,9 @@ use std::io::Read;
 use std::path::Path;
 
 use lo_geometry::{Orientation, Vec3};
-use lo_imaging::{Format, Image, ImageError, Photo, RadianceImage, reorient};
+use lo_imaging::{
+    EncodedPhoto, Format, Image, ImageError, PartialPanorama, Photo, PhotoFile, RadianceImage, reorient,
+};
 
 use super::PanoramaWarning;
 
@@ -22,6 +24,8 @@ const CLIP_LEVEL_LINEAR: f32 = 0.956;
 pub struct PanoramaPrior {
     radiance: RadianceImage,
     clipped: Option<Image<bool>>,
+    /// Pixels that the panorama shows; `None` for all.
+    covered: Option<Image<bool>>,
     cleaned: usize,
     /// Position at which it was taken, in metres in the photo's frame (+X right, +Y up, the camera at the origin looks
     /// along −Z).
@@ -120,18 +124,25 @@ impl PanoramaPrior {
         let clipped = clipped
             .map(|mask| turn(&mask.map(|&clipped| [f32::from(u8::from(clipped)); 3])).map(|pixel| pixel[0] > 0.0));
         let radiance = turn(&radiance);
-        let (position_m, file) = (Vec3::ZERO, file.to_owned());
-        Ok(Self { radiance, clipped, cleaned, position_m, yaw_rad: None, exposure: None, file })
+        let (position_m, file, covered) = (Vec3::ZERO, file.to_owned(), None);
+        Ok(Self { radiance, clipped, covered, cleaned, position_m, yaw_rad: None, exposure: None, file })
+    }
+
+    /// Restricts the panorama to the pixels of a mask, which has the file's orientation. Others light nothing.
+    fn restricted(self, covered: &Image<bool>, orientation: Orientation) -> Self {
+        let missing = covered.map(|&covered| [f32::from(u8::from(!covered)); 3]);
+        let missing = reorient(&missing, orientation, Orientation::Lightoctree);
+        Self { covered: Some(missing.map(|share| share[0] == 0.0)), ..self }
     }
 
     /// Reads a file. HDR, EXR and PFM are linear; everything else is sRGB, clipped where a channel is at 250 of 255 or
-    /// more.
+    /// more. A part of the sphere is placed by its GPano metadata, and the rest lights nothing.
     ///
     /// # Errors
     /// A file that cannot be read, and those of [`new`](Self::new).
     pub fn read(path: impl AsRef<Path>, orientation: Orientation) -> Result<Self, PanoramaError> {
         let path = path.as_ref();
-        let photo = lo_imaging::read_photo(path)?.photo;
+        let photo = lo_imaging::read_photo(path)?;
         let file = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         Self::of_photo(photo, || holds_radiance(path), orientation, &file)
     }
@@ -141,25 +152,34 @@ impl PanoramaPrior {
     /// # Errors
     /// Those of [`read`](Self::read).
     pub fn from_bytes(bytes: &[u8], orientation: Orientation, file: &str) -> Result<Self, PanoramaError> {
-        let photo = lo_imaging::photo_from_bytes(bytes, file)?.photo;
+        let photo = lo_imaging::photo_from_bytes(bytes, file)?;
         let format = Format::from_bytes(bytes).or_else(|| Format::from_extension(Path::new(file)));
         Self::of_photo(photo, || is_radiance(format), orientation, file)
     }
 
     fn of_photo(
-        photo: Photo,
+        PhotoFile { photo, panorama, .. }: PhotoFile,
         is_radiance: impl FnOnce() -> bool,
         orientation: Orientation,
         file: &str,
     ) -> Result<Self, PanoramaError> {
         let clipped = match &photo {
-            Photo::Srgb8(image) => Some(image.map(|pixel| pixel.iter().any(|&c| c >= CLIP_LEVEL))),
+            Photo::Encoded8(photo) if photo.encoding.gain_map.is_some() => None,
+            Photo::Srgb8(image) | Photo::Encoded8(EncodedPhoto { image, .. }) => {
+                Some(image.map(|pixel| pixel.iter().any(|&c| c >= CLIP_LEVEL)))
+            }
             Photo::Linear(image) if !is_radiance() => {
                 Some(image.map(|pixel| pixel.iter().any(|&c| c >= CLIP_LEVEL_LINEAR)))
             }
             Photo::Linear(_) => None,
         };
-        Self::with_clipped(photo.into_radiance(), clipped, orientation, file)
+        let radiance = photo.into_radiance();
+        let Some(place) = panorama.filter(|place| !place.is_full()) else {
+            return Self::with_clipped(radiance, clipped, orientation, file);
+        };
+        let covered = placed(&Image::new(radiance.width(), radiance.height(), vec![true; radiance.pixels().len()]), place);
+        let (radiance, clipped) = (placed(&radiance, place), clipped.map(|mask| placed(&mask, place)));
+        Ok(Self::with_clipped(radiance, clipped, orientation, file)?.restricted(&covered, orientation))
     }
 
     /// Sets the position at which it was taken, in metres in the photo's frame.
@@ -177,6 +197,11 @@ impl PanoramaPrior {
         self.clipped.as_ref()
     }
 
+    /// Returns the mask of pixels that the panorama shows; `None` if it shows all directions.
+    pub fn covered(&self) -> Option<&Image<bool>> {
+        self.covered.as_ref()
+    }
+
     /// Returns the warnings about the panorama itself.
     pub fn warnings(&self) -> Vec<PanoramaWarning> {
         let pixels = self.radiance.pixels().len();
@@ -184,7 +209,10 @@ impl PanoramaPrior {
         let clipped = self.clipped.as_ref().map(|mask| PanoramaWarning::Clipped {
             clipped_share: mask.pixels().iter().filter(|&&clipped| clipped).count() as f32 / pixels as f32,
         });
-        [cleaned, clipped].into_iter().flatten().collect()
+        let partial = self.covered.as_ref().map(|mask| PanoramaWarning::Partial {
+            covered_share: mask.pixels().iter().filter(|&&covered| covered).count() as f32 / pixels as f32,
+        });
+        [cleaned, clipped, partial].into_iter().flatten().collect()
     }
 
     /// Checks that position and overrides are finite.
@@ -203,6 +231,18 @@ impl PanoramaPrior {
         }
         Ok(())
     }
+}
+
+/// Places a part of a panorama on the full sphere, whose other pixels are 0. The part may have been resized.
+fn placed<T: Copy + Default>(part: &Image<T>, place: PartialPanorama) -> Image<T> {
+    let scale = part.width() as f64 / f64::from(place.size[0]);
+    let height = ((f64::from(place.full[1]) * scale).round() as usize).max(1);
+    let [left, top] = place.offset.map(|offset| (f64::from(offset) * scale).round() as usize);
+    let inside = |at: usize, offset: usize, size: usize| at.checked_sub(offset).filter(|at| *at < size);
+    Image::from_fn(2 * height, height, |x, y| {
+        let at = inside(x, left, part.width()).zip(inside(y, top, part.height()));
+        at.map_or_else(T::default, |at| part[at])
+    })
 }
 
 /// Returns whether a file's format holds linear radiance; 16-bit images are decoded to that, but end at white.

@@ -26,6 +26,8 @@ pub(super) struct RayLight {
     pub lamp_log: f32,
     /// Whether the light is a lower bound.
     pub clipped: bool,
+    /// Whether the panorama does not show the ray.
+    pub missing: bool,
 }
 
 /// An equirectangular grid of directions with their radiance.
@@ -47,10 +49,16 @@ impl Rays {
             let mask = mask.map(|&clipped| [f32::from(u8::from(clipped)); 3]);
             if fine { smaller(&mask) } else { mask }.map(|share| share[0] > 0.25)
         });
+        let missing = prior.covered().map(|mask| {
+            let mask = mask.map(|&covered| [f32::from(u8::from(!covered)); 3]);
+            if fine { smaller(&mask) } else { mask }.map(|share| share[0] > 0.0)
+        });
+        let is_missing = |x: usize, y: usize| missing.as_ref().is_some_and(|mask| mask[(x, y)]);
         let per_pixel = (columns / radiance.width()).max(1);
         let radiance = radiance.map(|rgb| rgb.map(|c| c * found.exposure));
         let (width, height) = (radiance.width(), radiance.height());
-        let weights = (0..height).flat_map(|y| std::iter::repeat_n(pixel_solid_angle_sr(y, width, height), width));
+        let at = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let weights = at.map(|(x, y)| if is_missing(x, y) { 0.0 } else { pixel_solid_angle_sr(y, width, height) });
         let median = weighted_median(radiance.pixels().iter().map(|&rgb| luminance(rgb)).zip(weights).collect());
         let median = median.unwrap_or(1.0).max(f32::MIN_POSITIVE);
         let lights = Image::from_fn(width * per_pixel, height * per_pixel, |x, y| {
@@ -64,6 +72,7 @@ impl Rays {
                 lamp: std::array::from_fn(|c| radiance[c] - base[c]),
                 lamp_log: brightness.ln_1p(),
                 clipped,
+                missing: is_missing(x / per_pixel, y / per_pixel),
             }
         });
         Self { lights, world_from_panorama: found.world_from_panorama, per_pixel }

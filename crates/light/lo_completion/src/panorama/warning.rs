@@ -11,6 +11,11 @@ pub enum PanoramaWarning {
         /// Share of clipped pixels, from 0 to 1.
         clipped_share: f32,
     },
+    /// The panorama shows a part of the sphere, by its GPano metadata; the rest stays estimated.
+    Partial {
+        /// Share of its pixels that are shown, from 0 to 1.
+        covered_share: f32,
+    },
     /// Negative, NaN and infinite values were replaced by 0.
     Values {
         /// Number of pixels with such values.
@@ -40,6 +45,11 @@ impl fmt::Display for PanoramaWarning {
                 f,
                 "the panorama is not HDR: {:.1} % of it is clipped, so lamps may be brighter than it shows",
                 100.0 * clipped_share
+            ),
+            Self::Partial { covered_share } => write!(
+                f,
+                "the panorama shows {:.0} % of the sphere by its metadata; the rest stays estimated",
+                100.0 * covered_share
             ),
             Self::Values { cleaned, pixels } => {
                 write!(f, "{cleaned} of the panorama's {pixels} pixels are negative, NaN or infinite and were set to 0")

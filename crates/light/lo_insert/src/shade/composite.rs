@@ -1,7 +1,7 @@
 use std::sync::LazyLock;
 
 use lo_geometry::Vec3;
-use lo_imaging::{ChannelGroup, Image, Photo, RadianceImage, linear_from_srgb8};
+use lo_imaging::{ChannelGroup, EncodedPhoto, Image, Photo, RadianceImage, linear_from_srgb8};
 use lo_scene::Frame;
 use rayon::prelude::*;
 
@@ -127,11 +127,12 @@ impl Composite {
         let changed = |i: usize| {
             layers.alpha.pixels()[i] > 0.0 || shadow_ratio.pixels()[i] != [1.0; 3] || reflected(i) != Vec3::ZERO
         };
-        let mixed = |i: usize, photo: Vec3| {
+        let blended = |i: usize, photo: Vec3| {
             let floor = photo * Vec3::from(shadow_ratio.pixels()[i]) + reflected(i) / frame.exposure;
-            let under = floor.max(Vec3::ZERO) * (1.0 - layers.alpha.pixels()[i]);
-            (under + layers.object.pixels()[i] / frame.exposure).max(Vec3::ZERO)
+            let under = floor.max(photo.min(Vec3::ZERO)) * (1.0 - layers.alpha.pixels()[i]);
+            under + layers.object.pixels()[i] / frame.exposure
         };
+        let mixed = |i: usize, photo: Vec3| blended(i, photo).max(Vec3::ZERO);
         let table = SrgbTable::get();
         let mut image = frame.photo.clone();
         match &mut image {
@@ -141,6 +142,14 @@ impl Composite {
                     *pixel = mixed(i, photo).to_array().map(|value| table.code(value));
                 }
             }),
+            Photo::Encoded8(EncodedPhoto { image, encoding }) => {
+                image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
+                    if changed(i) {
+                        // not clamped: colours outside of Rec. 709 stay
+                        *pixel = encoding.code(blended(i, Vec3::from(encoding.linear(*pixel))).to_array());
+                    }
+                });
+            }
             Photo::Linear(image) => image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
                 if changed(i) {
                     *pixel = mixed(i, Vec3::from(*pixel)).to_array();

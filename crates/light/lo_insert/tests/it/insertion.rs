@@ -177,6 +177,7 @@ fn a_moving_object_does_not_flicker() {
         let frames: Vec<Composite> = placements.iter().map(|p| alone(&inserter, &model, *p)).collect();
         // Where no frame has object or shadow nothing changes, and equal placements give equal images.
         let pixels = |c: &Composite| match &c.image {
+            Photo::Encoded8(_) => panic!("the photo is plain"),
             Photo::Linear(image) => image.pixels().to_vec(),
             Photo::Srgb8(_) => panic!("the photo is linear"),
         };

@@ -2,7 +2,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use lo_geometry::Camera;
-use lo_imaging::{Photo, read_depth, read_photo, resize_depth, srgb8_from_linear};
+use lo_imaging::{read_depth, read_photo, resize_depth};
 use serde::Deserialize;
 
 use super::files::stem;
@@ -80,10 +80,7 @@ impl Dataset for Frames {
         let len = self.len();
         let frame = self.frames.get(index).ok_or(DatasetError::Index { index, len })?;
         let file = self.beside(&frame.color);
-        let photo = match read_photo(&file)?.photo {
-            Photo::Srgb8(photo) => photo,
-            Photo::Linear(photo) => photo.map(|rgb| rgb.map(srgb8_from_linear)),
-        };
+        let photo = read_photo(&file)?.photo.into_srgb8();
         let (width, height) = (photo.width(), photo.height());
         let [fx, fy, cx, cy] = frame.intrinsics;
         let camera = Camera::new(fx, fy, cx, cy, width as u32, height as u32).map_err(|error| {

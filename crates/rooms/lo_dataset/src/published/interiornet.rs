@@ -312,7 +312,7 @@ fn sees(frame: &Frame, depth_m: &DepthMap, other: &Frame) -> bool {
 
 fn read_srgb(path: &Path) -> Result<Image<[u8; 3]>, DatasetError> {
     match read_photo(path)?.photo {
-        Photo::Srgb8(photo) => Ok(photo),
+        photo @ (Photo::Srgb8(_) | Photo::Encoded8(_)) => Ok(photo.into_srgb8()),
         Photo::Linear(_) => Err(DatasetError::field(path, "picture", "8-bit sRGB is expected")),
     }
 }

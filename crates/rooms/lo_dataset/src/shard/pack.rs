@@ -293,15 +293,16 @@ fn unpack_depth(file: &str, size: Option<(usize, usize)>, read: Read) -> Result<
 
 fn unpack_photo(file: &str, size: (usize, usize), read: Read) -> Result<Image<[u8; 3]>, MemberError> {
     let decoded = photo_from_bytes(&read(file)?, file).map_err(|error| MemberError::new(file, "picture", error))?;
-    match decoded.photo {
-        Photo::Srgb8(photo) if (photo.width(), photo.height()) == size => Ok(photo),
-        Photo::Srgb8(photo) => {
-            let reason =
-                format!("{} × {} pixels, but the camera has {} × {}", photo.width(), photo.height(), size.0, size.1);
-            Err(MemberError::new(file, "size", reason))
-        }
-        Photo::Linear(_) => Err(MemberError::new(file, "picture", "8-bit sRGB is expected")),
+    let photo = match decoded.photo {
+        Photo::Linear(_) => return Err(MemberError::new(file, "picture", "8-bit sRGB is expected")),
+        photo => photo.into_srgb8(),
+    };
+    if (photo.width(), photo.height()) != size {
+        let reason =
+            format!("{} × {} pixels, but the camera has {} × {}", photo.width(), photo.height(), size.0, size.1);
+        return Err(MemberError::new(file, "size", reason));
     }
+    Ok(photo)
 }
 
 fn unpack_shot(header: &ShotHeader, name: &str, read: Read) -> Result<Shot, MemberError> {

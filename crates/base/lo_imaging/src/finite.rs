@@ -1,0 +1,37 @@
+use rayon::prelude::*;
+
+use crate::{PhotoNote, RadianceImage};
+
+/// Replaces infinite values by the largest finite one of the image, with their sign, and NaN by 0.
+///
+/// Returns how many there were, if there were any.
+pub(crate) fn replace(image: &mut RadianceImage) -> Option<PhotoNote> {
+    let values = image.pixels().as_flattened();
+    let (infinite, nan, largest) = values
+        .par_iter()
+        .map(|v| match v {
+            v if v.is_nan() => (0, 1, 0.0),
+            v if v.is_infinite() => (1, 0, 0.0),
+            v => (0, 0, v.abs()),
+        })
+        .reduce(|| (0usize, 0usize, 0.0f32), |a, b| (a.0 + b.0, a.1 + b.1, a.2.max(b.2)));
+    if infinite + nan == 0 {
+        return None;
+    }
+    let finite = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(-largest, largest) };
+    image.pixels_mut().par_iter_mut().for_each(|pixel| *pixel = pixel.map(finite));
+    Some(PhotoNote::NotFinite { infinite, nan, largest })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn infinite_pixels_become_the_brightest() {
+        let mut image = RadianceImage::new(2, 1, vec![[f32::INFINITY, 1.0, f32::NAN], [3.5, f32::NEG_INFINITY, 0.0]]);
+        assert_eq!(replace(&mut image), Some(PhotoNote::NotFinite { infinite: 2, nan: 1, largest: 3.5 }));
+        assert_eq!(image.pixels(), [[3.5, 1.0, 0.0], [3.5, -3.5, 0.0]]);
+        assert_eq!(replace(&mut image), None);
+    }
+}
