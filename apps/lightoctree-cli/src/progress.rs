@@ -1,12 +1,14 @@
 //! Progress on stderr: a line with the time of each stage, and a bar with rate and remaining time for long ones.
 
 use std::ops::ControlFlow;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use lightoctree::{Event, Warning};
 use lo_estimate::stages::PHOTOS;
 use lo_events::Figure;
+use lo_imaging::PhotoFile;
 
 use crate::interrupt;
 use crate::warning_text::warning_text;
@@ -77,6 +79,13 @@ impl Stages {
     /// Prints a warning of the library.
     pub fn warn(&self, warning: &dyn Warning) {
         self.note(&warning_text(warning, &self.objects));
+    }
+
+    /// Prints the notes about photos' files.
+    pub fn photo_notes<'a>(&self, photos: impl IntoIterator<Item = (&'a PathBuf, &'a PhotoFile)>) {
+        for (path, photo) in photos {
+            photo.notes.iter().for_each(|note| self.note(&format!("{}: {note}", path.display())));
+        }
     }
 
     /// Prints a note.

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use anyhow::Context;
 use lightoctree::Document;
 use lo_geometry::Vec3;
-use lo_imaging::luminance;
+use lo_imaging::{GainMap, Photo, luminance};
 use lo_octree::LightOctree;
-use lo_scene::LightEdits;
+use lo_scene::{Frame, LightEdits};
 use serde::Serialize;
 
 use super::light;
@@ -121,6 +121,49 @@ struct PhotoSummary {
     depth_width: usize,
     depth_height: usize,
     depth_readings_share: f64,
+    /// Name of the colour profile; sRGB if there is none.
+    colour_profile: Option<String>,
+    /// Largest gain of the gain map, stops.
+    gain_map_stops: Option<f32>,
+    /// Whether EXIF and XMP are kept for composites.
+    exif: bool,
+    xmp: bool,
+}
+
+impl PhotoSummary {
+    fn new(frame: &Frame) -> Self {
+        let depth_m = &frame.depth_m;
+        let readings = depth_m.pixels().iter().filter(|z| **z > 0.0).count();
+        let encoding = match &frame.photo {
+            Photo::Encoded8(photo) => Some(&photo.encoding),
+            _ => None,
+        };
+        let gain = |map: &GainMap| map.parameters.max_log2.into_iter().fold(0.0, f32::max);
+        Self {
+            width: frame.photo.width(),
+            height: frame.photo.height(),
+            depth_width: depth_m.width(),
+            depth_height: depth_m.height(),
+            depth_readings_share: readings as f64 / depth_m.pixels().len().max(1) as f64,
+            colour_profile: encoding.and_then(|e| e.profile.as_ref()).map(|profile| profile.name().to_owned()),
+            gain_map_stops: encoding.and_then(|e| e.gain_map.as_ref()).map(gain),
+            exif: encoding.is_some_and(|e| !e.exif.is_empty()),
+            xmp: encoding.is_some_and(|e| !e.xmp.is_empty()),
+        }
+    }
+
+    /// Describes its encoding, as the end of a line.
+    fn encoding(&self) -> String {
+        let profile = self.colour_profile.as_ref().map(|name| format!("colour profile {name}"));
+        let gain = self.gain_map_stops.map(|stops| format!("gain map, highlights up to {stops:.1} stops above white"));
+        let kept = match (self.exif, self.xmp) {
+            (true, true) => Some("EXIF and XMP".to_owned()),
+            (true, false) => Some("EXIF".to_owned()),
+            (false, true) => Some("XMP".to_owned()),
+            (false, false) => None,
+        };
+        [profile, gain, kept].into_iter().flatten().map(|part| format!("; {part}")).collect()
+    }
 }
 
 /// Percentiles of the leaves' luminance; the photo's white is 1.
@@ -171,8 +214,6 @@ fn summarise(document: &Document, bytes: u64) -> Summary {
         .map(|panorama| PanoramaSummary { source: panorama.source.clone(), share: mean_share(light, &panorama.share) });
     let known_share = seen_share + panorama.as_ref().map_or(0.0, |panorama| panorama.share);
     let camera = scene.frame.camera;
-    let depth_m = &scene.frame.depth_m;
-    let readings = depth_m.pixels().iter().filter(|z| **z > 0.0).count();
     Summary {
         format_version: lo_scene::FORMAT_VERSION,
         octree: OctreeSummary {
@@ -191,13 +232,7 @@ fn summarise(document: &Document, bytes: u64) -> Summary {
             height: camera.height,
             hfov_deg: camera.hfov_deg(),
         },
-        photo: PhotoSummary {
-            width: scene.frame.photo.width(),
-            height: scene.frame.photo.height(),
-            depth_width: depth_m.width(),
-            depth_height: depth_m.height(),
-            depth_readings_share: readings as f64 / depth_m.pixels().len().max(1) as f64,
-        },
+        photo: PhotoSummary::new(&scene.frame),
         camera_source: origin.camera_source,
         up_deviation_deg: origin.up_deviation_deg,
         exposure: scene.frame.exposure,
@@ -267,6 +302,7 @@ fn print_tables(summary: &Summary) {
         camera.hfov_deg,
         summary.camera_source.map(|source| format!(" ({source})")).unwrap_or_default()
     ));
+    report::print(&format!("photo    {} × {}{}", photo.width, photo.height, photo.encoding()));
     if let Some(room) = &summary.room {
         let [right, above, back] = room.up.to_array();
         let error = summary.up_deviation_deg.map(|deg| format!(" (estimated from the photo, ± {deg:.0}°)"));

@@ -104,6 +104,7 @@ impl PhotosArgs {
             };
             photos.iter().zip(depths).map(file).collect()
         })?;
+        stages.photo_notes(photos.iter().zip(files.iter().map(|(photo, _)| photo)));
         stages.note(&format!("pose format: {}", poses.format));
         if poses.distorted {
             stages.note("the pose file contains lens distortion, which is not corrected");

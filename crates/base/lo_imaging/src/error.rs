@@ -21,6 +21,16 @@ pub enum ImageError {
         /// Formats that can be read.
         expected: &'static str,
     },
+    /// The format is recognised, but not read.
+    #[error("{name}: {format} files are not read; {way_out}")]
+    NotRead {
+        /// Path or name.
+        name: String,
+        /// Detected format.
+        format: &'static str,
+        /// How to convert the file.
+        way_out: &'static str,
+    },
     /// The bytes are not a valid file of their format.
     #[error("{name}: damaged or invalid {format} file: {reason}")]
     Invalid {

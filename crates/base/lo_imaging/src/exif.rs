@@ -37,7 +37,9 @@ fn parse(raw: &[u8]) -> Option<Exif> {
 /// Whether the colour space is Adobe RGB: the interoperability index R03 (EXIF 2.32, 4.6.8; DCF 2.0).
 pub(crate) fn is_adobe_rgb(raw: &[u8]) -> bool {
     parse(raw).is_some_and(|exif| match exif.get_field(Tag::InteroperabilityIndex, In::PRIMARY) {
-        Some(field) => matches!(&field.value, Value::Ascii(text) if text.first().is_some_and(|t| t.starts_with(b"R03"))),
+        Some(field) => {
+            matches!(&field.value, Value::Ascii(text) if text.first().is_some_and(|t| t.starts_with(b"R03")))
+        }
         None => false,
     })
 }

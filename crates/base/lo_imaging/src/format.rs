@@ -14,6 +14,8 @@ pub enum Format {
     Tiff,
     /// Windows bitmap.
     Bmp,
+    /// GIF, first frame.
+    Gif,
     /// PBM, PGM, PPM, PAM.
     Pnm,
     /// Radiance RGBE (`.hdr`, `.pic`).
@@ -36,6 +38,7 @@ impl Format {
             _ if starts(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") => Self::WebP,
             _ if starts(b"II*\0") || starts(b"MM\0*") || starts(b"II+\0") || starts(b"MM\0+") => Self::Tiff,
             _ if starts(b"BM") => Self::Bmp,
+            _ if starts(b"GIF8") => Self::Gif,
             _ if starts(b"#?") => Self::Hdr,
             _ if starts(&[0x76, 0x2f, 0x31, 0x01]) => Self::Exr,
             _ if starts(b"\x93NUMPY") => Self::Npy,
@@ -53,6 +56,7 @@ impl Format {
             "webp" => Self::WebP,
             "tif" | "tiff" => Self::Tiff,
             "bmp" => Self::Bmp,
+            "gif" => Self::Gif,
             "pnm" | "pbm" | "pgm" | "ppm" | "pam" => Self::Pnm,
             "hdr" | "pic" | "rgbe" => Self::Hdr,
             "exr" => Self::Exr,
@@ -76,6 +80,7 @@ impl fmt::Display for Format {
             Self::WebP => "WebP",
             Self::Tiff => "TIFF",
             Self::Bmp => "BMP",
+            Self::Gif => "GIF",
             Self::Pnm => "PNM",
             Self::Hdr => "Radiance HDR",
             Self::Exr => "OpenEXR",

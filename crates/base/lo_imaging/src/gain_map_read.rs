@@ -170,8 +170,7 @@ mod tests {
             <hdrgm:Gamma><r:Seq><r:li>1</r:li><r:li>0.5</r:li><r:li>2</r:li></r:Seq></hdrgm:Gamma>
             </r:Description></r:RDF></x:xmpmeta>"#;
         let read = from_xmp(&Xmp::parse(packet).unwrap()).unwrap();
-        let expected =
-            GainMapParameters { max_log2: [2.5; 3], gamma: [1.0, 0.5, 2.0], ..GainMapParameters::default() };
+        let expected = GainMapParameters { max_log2: [2.5; 3], gamma: [1.0, 0.5, 2.0], ..GainMapParameters::default() };
         assert_eq!(read, expected);
     }
 }

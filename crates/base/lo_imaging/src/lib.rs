@@ -41,6 +41,7 @@ mod source_color;
 mod stored_depth;
 mod tone;
 mod truncated;
+mod unreadable;
 mod write;
 mod xmp;
 mod y4m_write;
@@ -49,8 +50,8 @@ pub use crate::exif::{FocalLength, PhotoExposure};
 pub use crate::image::{DepthMap, Image, RadianceImage};
 pub use atomic::write_atomically;
 pub use color::{linear_from_srgb, linear_from_srgb8, luminance, srgb_from_linear, srgb8_from_linear};
-pub use contact_sheet::{CONTACT_SHEET_BACKGROUND, contact_sheet, photo_tile};
 pub use color_profile::ColorProfile;
+pub use contact_sheet::{CONTACT_SHEET_BACKGROUND, contact_sheet, photo_tile};
 pub use cubemap::{Cubemap, cubemap_from_equirectangular, equirectangular_from_cubemap};
 pub use encoded_image::MAX_PIXELS;
 pub use encoded_photo::{EncodedPhoto, PhotoEncoding};
@@ -78,7 +79,6 @@ pub use read::{
 pub use resize::{resize, resize_depth};
 pub use sh::Sh9;
 pub use tone::ToneCurve;
-pub use truncated::Margins;
 pub use write::{
     JPEG_QUALITY, encode_exr, encode_photo, encode_png, encode_png_rgba, encode_rgba8, encode_srgb8, write_depth,
     write_exr, write_photo, write_png16, write_radiance, write_rgba8, write_srgb8, write_tone_mapped,

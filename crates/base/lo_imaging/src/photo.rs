@@ -82,7 +82,11 @@ impl Photo {
 
     /// Combines 8-bit pixels with their encoding.
     pub fn encoded8(image: Image<[u8; 3]>, encoding: PhotoEncoding) -> Self {
-        if encoding.is_plain() { Self::Srgb8(image) } else { Self::Encoded8(EncodedPhoto { image, encoding: encoding.into() }) }
+        if encoding.is_plain() {
+            Self::Srgb8(image)
+        } else {
+            Self::Encoded8(EncodedPhoto { image, encoding: encoding.into() })
+        }
     }
 }
 

@@ -54,7 +54,7 @@ impl fmt::Display for PhotoNote {
         match self {
             Self::Truncated { missing } => write!(
                 f,
-                "the file ends early: the lower {:.0} % of the picture is missing and left out",
+                "the file is cut off: {:.0} % of the picture is missing and black",
                 (100.0 * missing).max(1.0)
             ),
             Self::GainMap { share, stops } => write!(

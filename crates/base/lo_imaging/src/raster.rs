@@ -1,4 +1,4 @@
-//! PNG, JPEG, WebP, TIFF, BMP and PNM.
+//! PNG, JPEG, WebP, TIFF, BMP, GIF and PNM.
 
 use std::io::Cursor;
 
@@ -11,10 +11,9 @@ use crate::encoded_image::EncodedImage;
 use crate::exif::{FocalLength, PhotoExposure, is_adobe_rgb};
 use crate::jpeg::JpegSegments;
 use crate::source_color::{self, SourceColor};
-use crate::truncated::{self, Margins};
 use crate::{
     Format, GainMap, Image, ImageError, PartialPanorama, Photo, PhotoEncoding, PhotoFile, PhotoNote, RadianceImage,
-    cmyk, gain_map_read,
+    cmyk, gain_map_read, truncated,
 };
 
 /// Most that a PNG decoder allocates beside the pixels, bytes: compressed profiles and texts.
@@ -81,15 +80,13 @@ pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
         None => DynamicImage::from_decoder(decoder).map_err(|e| invalid(source, e))?,
     };
     let segments = (source.format == Format::Jpeg).then(|| JpegSegments::read(source.bytes));
-    let missing_rows = match &segments {
-        Some(segments) if segments.end.is_none() => truncated::missing_rows(&decoded),
-        _ => 0,
-    };
-    let missing = (missing_rows > 0).then(|| {
-        let share = missing_rows as f64 / f64::from(decoded.height());
-        notes.push(PhotoNote::Truncated { missing: share });
-        Margins::below(missing_rows).oriented(orientation)
-    });
+    if segments.as_ref().is_some_and(|segments| segments.end.is_none()) {
+        let rows = truncated::missing_rows(&decoded);
+        if rows > 0 {
+            notes.push(PhotoNote::Truncated { missing: rows as f64 / f64::from(decoded.height()) });
+            decoded = truncated::blacken(decoded, rows);
+        }
+    }
     let gain_map = segments.and_then(|segments| gain_map_read::read(source, &segments)).and_then(|read| match read {
         Ok(map) => Some(oriented(map, orientation)),
         Err(reason) => {
@@ -109,7 +106,7 @@ pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
     {
         notes.push(gain_note(&encoded.radiance()));
     }
-    Ok(PhotoFile { focal, exposure, notes, missing, panorama, ..PhotoFile::new(photo) })
+    Ok(PhotoFile { focal, exposure, notes, panorama, ..PhotoFile::new(photo) })
 }
 
 struct Metadata {
@@ -152,8 +149,9 @@ pub(crate) fn decoder(source: EncodedImage<'_>) -> Result<impl ImageDecoder, Ima
         Format::WebP => ImageFormat::WebP,
         Format::Tiff => ImageFormat::Tiff,
         Format::Bmp => ImageFormat::Bmp,
+        Format::Gif => ImageFormat::Gif,
         Format::Pnm => ImageFormat::Pnm,
-        _ => return Err(source.unsupported("expected a PNG, JPEG, WebP, TIFF, BMP or PNM image")),
+        _ => return Err(source.unsupported("expected a PNG, JPEG, WebP, TIFF, BMP, GIF or PNM image")),
     };
     let mut reader = ImageReader::with_format(Cursor::new(source.bytes), format);
     // the size is checked below; this bounds a decoder's other allocations
@@ -188,7 +186,9 @@ fn combine(decoded: DynamicImage, color: SourceColor, metadata: Metadata) -> Pho
         let mut image = Image::new(width, height, pixels_of(decoded.into_rgb8().into_raw()));
         let profile = match color {
             SourceColor::Profile(profile) => Some(*profile),
-            SourceColor::Hdr(profile, scale) => return Photo::Linear(hdr(&image.map(|p| p.map(|v| u16::from(v) * 257)), &profile, scale)),
+            SourceColor::Hdr(profile, scale) => {
+                return Photo::Linear(hdr(&image.map(|p| p.map(|v| u16::from(v) * 257)), &profile, scale));
+            }
             SourceColor::Table(table) => {
                 let padded: Vec<[u8; 4]> = image.pixels().iter().map(|&[r, g, b]| [r, g, b, 255]).collect();
                 image = table.srgb8(&padded).map_or(image, |srgb| Image::new(width, height, srgb));

@@ -4,9 +4,10 @@ use crate::encoded_image::EncodedImage;
 use crate::exif::{FocalLength, PhotoExposure};
 use crate::exr_read::{self, ExrChannels};
 use crate::pfm::Pfm;
+use crate::unreadable::{self, Unreadable};
 use crate::{
-    DepthMap, Format, Image, ImageError, Margins, PartialPanorama, Photo, PhotoNote, RadianceImage, depth, finite, pfm,
-    raster, rgbe,
+    DepthMap, Format, Image, ImageError, PartialPanorama, Photo, PhotoNote, RadianceImage, depth, finite, pfm, raster,
+    rgbe,
 };
 
 /// Size limit of files: more than an image of [`MAX_PIXELS`](crate::MAX_PIXELS) can need.
@@ -23,8 +24,6 @@ pub struct PhotoFile {
     pub exposure: PhotoExposure,
     /// Observations about the file, for the user.
     pub notes: Vec<PhotoNote>,
-    /// Borders of the picture that the file does not hold, since it ends early.
-    pub missing: Option<Margins>,
     /// Place on the sphere, if the picture is an equirectangular panorama by its metadata.
     pub panorama: Option<PartialPanorama>,
 }
@@ -37,7 +36,6 @@ impl PhotoFile {
             focal: FocalLength::default(),
             exposure: PhotoExposure::default(),
             notes: Vec::new(),
-            missing: None,
             panorama: None,
         }
     }
@@ -53,7 +51,7 @@ impl PhotoFile {
     }
 }
 
-/// Reads a photo: PNG, JPEG, WebP, TIFF, BMP and PNM as sRGB with EXIF orientation applied; HDR, EXR and PFM as linear
+/// Reads a photo: PNG, JPEG, WebP, TIFF, BMP, GIF (first frame) and PNM as sRGB with EXIF orientation applied; HDR, EXR and PFM as linear
 /// radiance.
 ///
 /// The format is detected from the content, else from the extension. 8-bit images stay 8-bit; palettes are resolved,
@@ -74,7 +72,7 @@ pub fn read_photo(path: impl AsRef<Path>) -> Result<PhotoFile, ImageError> {
 
 /// Like [`read_photo`], from memory. `name` appears in errors; its extension is used if the content is not recognised.
 pub fn photo_from_bytes(bytes: &[u8], name: &str) -> Result<PhotoFile, ImageError> {
-    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, PNM, HDR, EXR or PFM")?;
+    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, GIF, PNM, HDR, EXR or PFM")?;
     catch_decoder_panic(source, || match source.format {
         Format::Hdr | Format::Exr | Format::Pfm => {
             let mut notes = Vec::new();
@@ -129,7 +127,7 @@ pub fn depth_from_bytes(bytes: &[u8], name: &str, units_per_metre: Option<f64>) 
     catch_decoder_panic(source, || depth::decode(source, units_per_metre))
 }
 
-/// Reads 8-bit RGBA (PNG, JPEG, WebP, TIFF, BMP, PNM) with straight alpha, 255 if the file has none.
+/// Reads 8-bit RGBA (PNG, JPEG, WebP, TIFF, BMP, GIF, PNM) with straight alpha, 255 if the file has none.
 pub fn read_rgba8(path: impl AsRef<Path>) -> Result<Image<[u8; 4]>, ImageError> {
     let (bytes, name) = read_file(path.as_ref())?;
     rgba8_from_bytes(&bytes, &name)
@@ -137,7 +135,7 @@ pub fn read_rgba8(path: impl AsRef<Path>) -> Result<Image<[u8; 4]>, ImageError> 
 
 /// Like [`read_rgba8`], from memory, for textures of meshes.
 pub fn rgba8_from_bytes(bytes: &[u8], name: &str) -> Result<Image<[u8; 4]>, ImageError> {
-    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP or PNM")?;
+    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, GIF or PNM")?;
     catch_decoder_panic(source, || raster::rgba8(source))
 }
 
@@ -145,7 +143,7 @@ pub fn rgba8_from_bytes(bytes: &[u8], name: &str) -> Result<Image<[u8; 4]>, Imag
 ///
 /// The size is as stored, before the EXIF orientation is applied.
 pub fn size_from_bytes(bytes: &[u8], name: &str) -> Result<[u32; 2], ImageError> {
-    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP or PNM")?;
+    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, GIF or PNM")?;
     catch_decoder_panic(source, || raster::size(source))
 }
 
@@ -185,6 +183,9 @@ fn decode_radiance(source: EncodedImage, notes: &mut Vec<PhotoNote>) -> Result<R
 }
 
 fn open<'a>(bytes: &'a [u8], name: &'a str, expected: &'static str) -> Result<EncodedImage<'a>, ImageError> {
+    if let Some(Unreadable { format, way_out }) = unreadable::recognise(bytes, name) {
+        return Err(ImageError::NotRead { name: name.to_owned(), format, way_out });
+    }
     let format = Format::detect(bytes, name);
     let format = format.ok_or_else(|| ImageError::UnknownFormat { name: name.to_owned(), expected })?;
     Ok(EncodedImage { bytes, name, format })

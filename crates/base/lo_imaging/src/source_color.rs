@@ -28,11 +28,7 @@ const HLG_SCALE: f32 = 1.0 / 0.265;
 const SRGB_GAMMA: std::ops::RangeInclusive<f32> = 0.450..=0.460;
 
 /// Determines the colour space by a PNG's chunks, the ICC profile, or EXIF. The error says why a profile is unusable.
-pub(crate) fn of(
-    source: EncodedImage,
-    icc: Option<&[u8]>,
-    is_adobe_rgb: bool,
-) -> Result<SourceColor, &'static str> {
+pub(crate) fn of(source: EncodedImage, icc: Option<&[u8]>, is_adobe_rgb: bool) -> Result<SourceColor, &'static str> {
     if source.format == Format::Png {
         return of_png(source);
     }

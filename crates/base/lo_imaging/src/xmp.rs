@@ -24,7 +24,8 @@ impl<'a> Xmp<'a> {
                 return vec![value.trim()];
             }
             if node.has_tag_name((namespace, name)) {
-                let is_text = |n: &roxmltree::Node<'_, '_>| n.is_text() && n.text().is_some_and(|t| !t.trim().is_empty());
+                let is_text =
+                    |n: &roxmltree::Node<'_, '_>| n.is_text() && n.text().is_some_and(|t| !t.trim().is_empty());
                 return node.descendants().filter(is_text).filter_map(|n| n.text()).map(str::trim).collect();
             }
         }

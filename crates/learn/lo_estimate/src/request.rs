@@ -1,11 +1,11 @@
 #[cfg(feature = "depth-models")]
 use lo_depth_models::DepthModel;
-use lo_events::OnEvent;
+use lo_events::{OnEvent, warn};
 use lo_geometry::Camera;
 use lo_imaging::{DepthMap, PhotoFile};
 use lo_scene::{CameraSource, Frame, FrameError};
 
-use crate::{EstimateError, Estimator, Input};
+use crate::{EstimateError, EstimateWarning, Estimator, Input};
 
 /// A photo with the user's information on its camera and depth, as front ends receive it.
 ///
@@ -57,9 +57,11 @@ impl Estimator {
     /// - [`EstimateError::Frame`] if the photo has no pixels, or photo and depth do not form a [`Frame`].
     /// - With [`DepthSource::Model`], the errors of `Estimator::predict_depth`.
     /// - [`EstimateError::Cancelled`] if `on_event` breaks off.
-    #[cfg_attr(not(feature = "depth-models"), expect(unused_variables))]
     pub fn resolve(&self, request: PhotoRequest, on_event: OnEvent<'_>) -> Result<ResolvedPhoto, EstimateError> {
         let PhotoRequest { photo, camera, depth } = request;
+        for note in &photo.notes {
+            warn(on_event, EstimateWarning::PhotoFile(note.clone()))?;
+        }
         #[cfg(feature = "depth-models")]
         if let DepthSource::Model(model) = depth {
             let known = match camera {

@@ -1,6 +1,7 @@
 use std::fmt;
 
 use lo_events::Warning;
+use lo_imaging::PhotoNote;
 
 /// Warnings of an estimate about its input.
 ///
@@ -9,6 +10,8 @@ use lo_events::Warning;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum EstimateWarning {
+    /// An observation about the photo's file.
+    PhotoFile(PhotoNote),
     /// Depth is predicted from the photo alone: distances, sizes and the up direction are uncertain.
     PredictedDepth,
     /// A depth model returned relative depth, which was fitted to the metric depth of the built-in depth network.
@@ -48,6 +51,7 @@ impl Warning for EstimateWarning {}
 impl fmt::Display for EstimateWarning {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
+            Self::PhotoFile(note) => note.fmt(f),
             Self::PredictedDepth => f.write_str(
                 "depth is predicted from the photo alone: distances and sizes are uncertain, and the up direction may \
                  be off by some degrees",

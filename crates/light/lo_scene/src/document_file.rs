@@ -296,7 +296,12 @@ impl SceneFile {
         }
         metadata.light_edits.check().map_err(SceneError::Metadata)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
-        let frame = Frame::new(read_photo(&tensors, metadata.photo_encoding.as_ref())?, read_depth(&tensors)?, metadata.camera, metadata.exposure)?;
+        let frame = Frame::new(
+            read_photo(&tensors, metadata.photo_encoding.as_ref())?,
+            read_depth(&tensors)?,
+            metadata.camera,
+            metadata.exposure,
+        )?;
         let light = read_tensors(&tensors, &metadata.octree)?;
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
         let confidence = metadata.confidence.then(|| read_shares(&tensors, "confidence", &light.rgba)).transpose()?;

@@ -47,7 +47,8 @@ impl LeafSet {
         let indices = self.indices(topology);
         let row = |row: usize| {
             let (mut deposits, mut sides) = (Vec::new(), Vec::new());
-            let shown = (0u32..).zip(rays.directions(row)).filter(|(column, _)| !rays.light(*column as usize, row).missing);
+            let shown =
+                (0u32..).zip(rays.directions(row)).filter(|(column, _)| !rays.light(*column as usize, row).missing);
             for (column, direction) in shown {
                 let ray = Ray { origin: position_m, direction };
                 sides.extend(

@@ -4,9 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use lo_geometry::{Orientation, Vec3};
-use lo_imaging::{
-    EncodedPhoto, Format, Image, ImageError, PartialPanorama, Photo, PhotoFile, RadianceImage, reorient,
-};
+use lo_imaging::{EncodedPhoto, Format, Image, ImageError, PartialPanorama, Photo, PhotoFile, RadianceImage, reorient};
 
 use super::PanoramaWarning;
 
@@ -177,7 +175,8 @@ impl PanoramaPrior {
         let Some(place) = panorama.filter(|place| !place.is_full()) else {
             return Self::with_clipped(radiance, clipped, orientation, file);
         };
-        let covered = placed(&Image::new(radiance.width(), radiance.height(), vec![true; radiance.pixels().len()]), place);
+        let covered =
+            placed(&Image::new(radiance.width(), radiance.height(), vec![true; radiance.pixels().len()]), place);
         let (radiance, clipped) = (placed(&radiance, place), clipped.map(|mask| placed(&mask, place)));
         Ok(Self::with_clipped(radiance, clipped, orientation, file)?.restricted(&covered, orientation))
     }
