@@ -24,7 +24,8 @@ pub(crate) fn missing_rows(decoded: &DynamicImage) -> usize {
 pub(crate) fn blacken(decoded: DynamicImage, rows: usize) -> DynamicImage {
     let mut rgb = decoded.into_rgb8();
     let first = 3 * rgb.width() as usize * (rgb.height() as usize - rows);
-    rgb[first..].fill(0);
+    let samples: &mut [u8] = &mut rgb;
+    samples[first..].fill(0);
     DynamicImage::from(rgb)
 }
 
