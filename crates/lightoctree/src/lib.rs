@@ -174,10 +174,11 @@ pub mod geometry {
 /// ```
 pub mod imaging {
     pub use lo_imaging::{
-        ChannelGroup, DepthMap, EnvironmentLayout, ExrOptions, Image, ImageError, MainLight, Photo, PhotoFile,
-        RadianceImage, Sh9, ToneCurve, depth_from_bytes, encode_exr, encode_photo, luminance, main_light,
-        photo_from_bytes, radiance_from_bytes, read_depth, read_photo, read_radiance, write_depth, write_photo,
-        write_radiance, write_tone_mapped,
+        ChannelGroup, ColorProfile, DepthMap, EncodedPhoto, EnvironmentLayout, ExrOptions, GainMap, GainMapParameters,
+        Image, ImageError, MainLight, PartialPanorama, Photo, PhotoEncoding, PhotoFile, PhotoNote, RadianceImage, Sh9,
+        ToneCurve, depth_from_bytes, encode_exr, encode_photo, luminance, main_light, photo_from_bytes,
+        radiance_from_bytes, read_depth, read_photo, read_radiance, write_depth, write_photo, write_radiance,
+        write_tone_mapped,
     };
 }
 
