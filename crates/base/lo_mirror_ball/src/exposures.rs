@@ -1,8 +1,7 @@
 use rayon::prelude::*;
 
 use super::BallError;
-use lo_imaging::PhotoExposure;
-use lo_imaging::{EncodedPhoto, Image, Photo, RadianceImage, linear_from_srgb8, srgb_from_linear};
+use lo_imaging::{EncodedPhoto, Image, Photo, PhotoExposure, RadianceImage, linear_from_srgb8, srgb_from_linear};
 
 /// An HDR image merged from a bracket of photos.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,8 +5,7 @@ use rayon::prelude::*;
 
 use super::fill::fill_unobserved;
 use super::{BallError, BallView, MergedPhotos};
-use lo_imaging::{Image, RadianceImage};
-use lo_imaging::{sample_clamped, view_rotation};
+use lo_imaging::{Image, RadianceImage, sample_clamped, view_rotation};
 
 /// Options of [`unwrap_ball`].
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -98,14 +98,10 @@ pub fn average(files: &[PathBuf], to: &Path) -> Result<(), WeightsError> {
 /// # Errors
 /// Unreadable files; networks with global features of different lengths (names the tensor).
 pub fn merge(depth: &Path, light: &Path, to: &Path) -> Result<(), WeightsError> {
-    let (from_depth, from_light) = (Checkpoint::read(depth)?, Checkpoint::read(light)?);
-    let mut merged = Checkpoint::default();
-    let with_expected = if from_light.values_of(EXPECTED_NET) > 0 { &from_light } else { &from_depth };
-    for (from, network) in [(&from_depth, DEPTH_NET), (&from_light, LIGHT_NET), (with_expected, EXPECTED_NET)] {
-        for (name, shape) in networks_of(from).filter(|(name, _)| is_of(name, network)) {
-            merged.insert(name, shape, from.values(name).unwrap_or_default().to_vec());
-        }
-    }
+    let (mut from_depth, mut from_light) = (Checkpoint::read(depth)?, Checkpoint::read(light)?);
+    let has_expected = from_light.values_of(EXPECTED_NET) > 0;
+    let expected = if has_expected { &mut from_light } else { &mut from_depth }.split_off(EXPECTED_NET);
+    let mut merged = Checkpoint::joined([from_depth.split_off(DEPTH_NET), from_light.split_off(LIGHT_NET), expected])?;
     merged.state[DEPTH_NET] = from_depth.state[DEPTH_NET].clone();
     merged.state[LIGHT_NET] = from_light.state[LIGHT_NET].clone();
     write(merged, to)
