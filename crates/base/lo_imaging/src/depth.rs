@@ -8,7 +8,7 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use crate::encoded_image::{EncodedImage, MAX_PIXELS};
 use crate::pfm::Pfm;
 use crate::stored_depth::StoredDepth;
-use crate::{DepthMap, Format, Image, ImageError, exr_read, npy, pfm, raster};
+use crate::{DepthMap, Format, Image, ImageError, exr_read, npy, pfm, raster_decoder};
 
 /// Depth from which a value is a renderer's background and not a reading (Blender writes 1e10).
 const FARTHEST_M: f64 = 1e5;
@@ -48,7 +48,7 @@ pub(crate) fn decode(source: EncodedImage, units_per_metre: Option<f64>) -> Resu
 }
 
 fn decode_integers(source: EncodedImage) -> Result<DepthMap, ImageError> {
-    let samples = match raster::samples(source)? {
+    let samples = match raster_decoder::samples(source)? {
         DynamicImage::ImageLuma16(grey) => grey,
         other => {
             return Err(source.unsupported(format!("{:?} pixels; depth needs one channel of 16 bits", other.color())));

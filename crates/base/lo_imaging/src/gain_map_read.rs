@@ -6,7 +6,7 @@ use crate::encoded_image::EncodedImage;
 use crate::gain_map::{GainMap, GainMapParameters};
 use crate::jpeg::JpegSegments;
 use crate::xmp::Xmp;
-use crate::{Image, raster};
+use crate::{Image, raster_decoder};
 
 /// Namespace of Ultra HDR's properties (Adobe gain map specification 1.0).
 const HDRGM: &str = "http://ns.adobe.com/hdr-gain-map/1.0/";
@@ -50,7 +50,7 @@ fn decode(source: EncodedImage, bytes: &[u8], parameters: GainMapParameters) -> 
         return Err("its parameters are out of range");
     }
     let source = EncodedImage { bytes, ..source };
-    let decoded = raster::decoder(source).and_then(|decoder| {
+    let decoded = raster_decoder::decoder(source).and_then(|decoder| {
         DynamicImage::from_decoder(decoder).map_err(|e| source.invalid(format!("{:?}: {e}", ImageFormat::Jpeg)))
     });
     let decoded = decoded.map_err(|_| "its picture is damaged")?.into_rgb8();

@@ -30,9 +30,11 @@ mod partial_panorama;
 mod perspective;
 mod pfm;
 mod photo;
+mod photo_file;
 mod photo_note;
 mod photo_tags;
 mod raster;
+mod raster_decoder;
 mod read;
 mod resize;
 mod rgbe;
@@ -71,10 +73,11 @@ pub use perspective::{
     equirectangular_from_perspective, perspective_from_equirectangular, sample_clamped, view_rotation,
 };
 pub use photo::Photo;
+pub use photo_file::PhotoFile;
 pub use photo_note::PhotoNote;
 pub use read::{
-    PhotoFile, depth_from_bytes, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth,
-    read_exr_channels, read_photo, read_radiance, read_rgba8, rgba8_from_bytes, size_from_bytes,
+    depth_from_bytes, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth, read_exr_channels,
+    read_photo, read_radiance, read_rgba8, rgba8_from_bytes, size_from_bytes,
 };
 pub use resize::{resize, resize_depth};
 pub use sh::Sh9;

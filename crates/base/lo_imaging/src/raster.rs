@@ -1,42 +1,19 @@
-//! PNG, JPEG, WebP, TIFF, BMP, GIF and PNM.
-
-use std::io::Cursor;
+//! Photos and textures from PNG, JPEG, WebP, TIFF, BMP, GIF and PNM.
 
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder};
 use rayon::prelude::*;
 
 use crate::color::linear_from_srgb;
 use crate::encoded_image::EncodedImage;
 use crate::exif::{FocalLength, PhotoExposure, is_adobe_rgb};
 use crate::jpeg::JpegSegments;
+use crate::raster_decoder::{decoder, invalid, orientation, samples};
 use crate::source_color::{self, SourceColor};
 use crate::{
-    Format, GainMap, Image, ImageError, PartialPanorama, Photo, PhotoEncoding, PhotoFile, PhotoNote, RadianceImage,
-    cmyk, gain_map_read, truncated,
+    ColorProfile, Format, GainMap, Image, ImageError, PartialPanorama, Photo, PhotoEncoding, PhotoFile, PhotoNote,
+    RadianceImage, cmyk, gain_map_read, truncated,
 };
-
-/// Most that a PNG decoder allocates beside the pixels, bytes: compressed profiles and texts.
-const PNG_BYTES: u64 = 64 << 20;
-
-/// Most that other decoders allocate, bytes; the size of the image is checked before.
-const DECODER_BYTES: u64 = 4 << 30;
-
-/// Returns width and height as stored, before the EXIF orientation is applied.
-pub(crate) fn size(source: EncodedImage) -> Result<[u32; 2], ImageError> {
-    let (width, height) = decoder(source)?.dimensions();
-    Ok([width, height])
-}
-
-/// Decodes samples as stored, upright.
-pub(crate) fn samples(source: EncodedImage) -> Result<DynamicImage, ImageError> {
-    let mut decoder = decoder(source)?;
-    let exif = decoder.exif_metadata().ok().flatten();
-    let orientation = orientation(&mut decoder, exif.as_deref());
-    let mut decoded = DynamicImage::from_decoder(decoder).map_err(|e| invalid(source, e))?;
-    decoded.apply_orientation(orientation);
-    Ok(decoded)
-}
 
 /// Decodes 8-bit RGBA, upright. Colour profiles are ignored: glTF's textures are sRGB.
 pub(crate) fn rgba8(source: EncodedImage) -> Result<Image<[u8; 4]>, ImageError> {
@@ -115,11 +92,6 @@ struct Metadata {
     gain_map: Option<GainMap>,
 }
 
-fn orientation(decoder: &mut impl ImageDecoder, exif: Option<&[u8]>) -> Orientation {
-    let by_exif = exif.and_then(Orientation::from_exif_chunk);
-    by_exif.or_else(|| decoder.orientation().ok()).unwrap_or(Orientation::NoTransforms)
-}
-
 fn oriented(map: GainMap, orientation: Orientation) -> GainMap {
     let (width, height) = (map.image.width() as u32, map.image.height() as u32);
     let samples = map.image.into_pixels().into_flattened();
@@ -130,7 +102,7 @@ fn oriented(map: GainMap, orientation: Orientation) -> GainMap {
     GainMap { image: Image::new(width, height, pixels_of(turned.into_rgb8().into_raw())), ..map }
 }
 
-/// Tells how much the gain map brightens a photo, given its radiance.
+/// Measures how much the gain map brightens a photo, given its radiance.
 fn gain_note(radiance: &RadianceImage) -> PhotoNote {
     let brightest = |p: &[f32; 3]| p.iter().fold(0.0f32, |a, &b| a.max(b));
     let (above, most) = radiance
@@ -139,40 +111,6 @@ fn gain_note(radiance: &RadianceImage) -> PhotoNote {
         .map(|p| (usize::from(brightest(p) > 1.0), brightest(p)))
         .reduce(|| (0, 1.0), |a, b| (a.0 + b.0, a.1.max(b.1)));
     PhotoNote::GainMap { share: above as f64 / radiance.pixels().len() as f64, stops: most.log2() }
-}
-
-/// Creates a decoder, which reads the header, and checks the image's size.
-pub(crate) fn decoder(source: EncodedImage<'_>) -> Result<impl ImageDecoder, ImageError> {
-    let format = match source.format {
-        Format::Png => ImageFormat::Png,
-        Format::Jpeg => ImageFormat::Jpeg,
-        Format::WebP => ImageFormat::WebP,
-        Format::Tiff => ImageFormat::Tiff,
-        Format::Bmp => ImageFormat::Bmp,
-        Format::Gif => ImageFormat::Gif,
-        Format::Pnm => ImageFormat::Pnm,
-        _ => return Err(source.unsupported("expected a PNG, JPEG, WebP, TIFF, BMP, GIF or PNM image")),
-    };
-    let mut reader = ImageReader::with_format(Cursor::new(source.bytes), format);
-    // the size is checked below; this bounds a decoder's other allocations
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(if format == ImageFormat::Png { PNG_BYTES } else { DECODER_BYTES });
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(|e| invalid(source, e))?;
-    let (width, height) = decoder.dimensions();
-    source.check_size(width.into(), height.into())?;
-    Ok(decoder)
-}
-
-fn invalid(source: EncodedImage, error: image::ImageError) -> ImageError {
-    match error {
-        image::ImageError::Unsupported(e) => source.unsupported(e),
-        image::ImageError::Limits(e) => source.invalid(e),
-        image::ImageError::Decoding(e) => {
-            source.invalid(std::error::Error::source(&e).map_or(e.to_string(), |s| s.to_string()))
-        }
-        e => source.invalid(e),
-    }
 }
 
 /// Combines pixels with their colour space. 8-bit images stay as they are, deeper ones become linear light; float TIFF
@@ -226,7 +164,7 @@ fn combine(decoded: DynamicImage, color: SourceColor, metadata: Metadata) -> Pho
 }
 
 /// Converts 16-bit values to linear light.
-fn hdr(image: &Image<[u16; 3]>, profile: &crate::ColorProfile, scale: f32) -> RadianceImage {
+fn hdr(image: &Image<[u16; 3]>, profile: &ColorProfile, scale: f32) -> RadianceImage {
     let tables = profile.tables16();
     by_pixel(image, |p| {
         let linear = [0, 1, 2].map(|c| tables[c][usize::from(p[c])]);

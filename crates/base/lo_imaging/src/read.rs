@@ -1,58 +1,19 @@
 use std::path::Path;
 
 use crate::encoded_image::EncodedImage;
-use crate::exif::{FocalLength, PhotoExposure};
 use crate::exr_read::{self, ExrChannels};
 use crate::pfm::Pfm;
 use crate::unreadable::{self, Unreadable};
 use crate::{
-    DepthMap, Format, Image, ImageError, PartialPanorama, Photo, PhotoNote, RadianceImage, depth, finite, pfm, raster,
-    rgbe,
+    DepthMap, Format, Image, ImageError, Photo, PhotoFile, PhotoNote, RadianceImage, depth, finite, pfm, raster,
+    raster_decoder, rgbe,
 };
 
 /// Size limit of files: more than an image of [`MAX_PIXELS`](crate::MAX_PIXELS) can need.
 const MAX_FILE_BYTES: u64 = 16 << 30;
 
-/// A photo with its file's metadata on lens and exposure.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PhotoFile {
-    /// The pixels, upright.
-    pub photo: Photo,
-    /// Lens tags, as far as EXIF has them.
-    pub focal: FocalLength,
-    /// Exposure tags, as far as EXIF has them.
-    pub exposure: PhotoExposure,
-    /// Observations about the file, for the user.
-    pub notes: Vec<PhotoNote>,
-    /// Place on the sphere, if the picture is an equirectangular panorama by its metadata.
-    pub panorama: Option<PartialPanorama>,
-}
-
-impl PhotoFile {
-    /// Wraps a photo without metadata.
-    pub fn new(photo: Photo) -> Self {
-        Self {
-            photo,
-            focal: FocalLength::default(),
-            exposure: PhotoExposure::default(),
-            notes: Vec::new(),
-            panorama: None,
-        }
-    }
-
-    /// Focal length in pixels of this photo, as in [`FocalLength::focal_px`]. The photo is upright; pixels are square.
-    pub fn focal_px(&self) -> Option<f64> {
-        self.focal.focal_px(self.photo.width() as u32, self.photo.height() as u32)
-    }
-
-    /// Horizontal field of view of this photo in degrees, as in [`FocalLength::hfov_deg`].
-    pub fn hfov_deg(&self) -> Option<f64> {
-        self.focal.hfov_deg(self.photo.width() as u32, self.photo.height() as u32)
-    }
-}
-
-/// Reads a photo: PNG, JPEG, WebP, TIFF, BMP, GIF (first frame) and PNM as sRGB with EXIF orientation applied; HDR, EXR and PFM as linear
-/// radiance.
+/// Reads a photo: PNG, JPEG, WebP, TIFF, BMP, GIF (first frame) and PNM with EXIF orientation applied, as sRGB or by
+/// their colour profile; HDR, EXR and PFM as linear radiance.
 ///
 /// The format is detected from the content, else from the extension. 8-bit images stay 8-bit; palettes are resolved,
 /// grey becomes RGB, and alpha is dropped (the stored colour stays). Colour profiles, gain maps, EXIF and XMP of 8-bit
@@ -91,8 +52,8 @@ pub fn photo_from_bytes(bytes: &[u8], name: &str) -> Result<PhotoFile, ImageErro
 /// not finite are replaced as in [`read_photo`].
 ///
 /// EXR: reads the data window of the first part with `R G B` (plain, else of a layer), else of the first part with `Y`,
-/// else the only channel as grey. Scan lines and tiles; half, float and uint; no compression, RLE, ZIP, ZIPS, PIZ, PXR24, B44, B44A, DWAA,
-/// DWAB.
+/// else the only channel as grey. Scan lines and tiles; half, float and uint; no compression, RLE, ZIP, ZIPS, PIZ,
+/// PXR24, B44, B44A, DWAA, DWAB.
 ///
 /// # Errors
 /// As for [`read_photo`]; [`ImageError::Unsupported`] for deep data, HTJ2K and subsampled chroma.
@@ -144,7 +105,7 @@ pub fn rgba8_from_bytes(bytes: &[u8], name: &str) -> Result<Image<[u8; 4]>, Imag
 /// The size is as stored, before the EXIF orientation is applied.
 pub fn size_from_bytes(bytes: &[u8], name: &str) -> Result<[u32; 2], ImageError> {
     let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, GIF or PNM")?;
-    catch_decoder_panic(source, || raster::size(source))
+    catch_decoder_panic(source, || raster_decoder::size(source))
 }
 
 /// Reads every channel and text attribute of the first part of an OpenEXR file.

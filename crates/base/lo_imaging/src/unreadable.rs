@@ -6,7 +6,7 @@ use std::path::Path;
 pub(crate) struct Unreadable {
     /// Its name.
     pub format: &'static str,
-    /// What to do.
+    /// Advice how to convert it.
     pub way_out: &'static str,
 }
 
