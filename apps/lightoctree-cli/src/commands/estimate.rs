@@ -20,6 +20,7 @@ use super::parse;
 use super::photos::{self, PhotosArgs};
 use crate::args::{Global, OutputArgs};
 use crate::choice::{Choice, choice};
+use crate::depth_units::DepthUnits;
 use crate::progress::{Stages, seconds};
 use crate::usage::Usage;
 use crate::{output, report};
@@ -30,7 +31,7 @@ use crate::{output, report};
     lightoctree estimate photo.jpg -o room.scene\n  \
     lightoctree estimate photo.jpg --depth lidar.png -o room.scene\n  \
     lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene\n  \
-    lightoctree estimate photo.jpg --depth depth_pro.npy --depth-is predicted -o room.scene\n  \
+    lightoctree estimate photo.jpg --depth depth/photo.npz --depth-is predicted -o room.scene\n  \
     lightoctree estimate photo.jpg --depth-model moge-2-vits-normal.onnx -o room.scene\n  \
     lightoctree estimate photo.jpg --depth-model other.onnx --depth-model-config other.toml -o room.scene\n  \
     lightoctree estimate photo.jpg --panorama theta.hdr --panorama-at 0.4,0.1,-1.5 -o room.scene\n  \
@@ -43,19 +44,20 @@ pub struct Args {
     #[arg(required_unless_present = "depth")]
     photo: Vec<PathBuf>,
 
-    /// Depth map of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by
-    /// the built-in network]
+    /// Depth map of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY, NPZ in metres [default:
+    /// predicted by the built-in network]
     ///
     /// It comes from a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or, with --depth-is
-    /// predicted, from a program that predicts metric depth (Depth Anything, Depth Pro, MoGe, UniDepth). For several
-    /// photos, give one file per photo in the same order.
+    /// predicted, from a program that predicts metric depth (Depth Anything, Depth Pro, MoGe, UniDepth). Of an NPZ's
+    /// arrays the one named depth, depth_m, pred or arr_0 is read. For several photos, give one file per photo in the
+    /// same order.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     depth: Vec<PathBuf>,
 
     #[command(flatten)]
     photos: PhotosArgs,
 
-    /// Origin of the depth map
+    /// Origin and kind of the depth map
     #[arg(long, value_name = "SOURCE", default_value = "measured", requires = "depth")]
     depth_is: DepthArg,
 
@@ -109,6 +111,11 @@ enum DepthArg {
     /// Network of another program: the up direction is estimated from the photo, and only surfaces well in front of an
     /// object hide it
     Predicted,
+    /// Inverse depth or disparity of another program, of any scale and offset; it is fitted to the built-in network's
+    /// depth, then used as predicted
+    #[cfg(feature = "depth-models")]
+    #[value(alias = "disparity")]
+    Inverse,
 }
 
 /// Methods to complete unobserved regions.
@@ -147,7 +154,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             resolved.input
         }
         _ => {
-            if matches!(args.depth_is, DepthArg::Predicted) {
+            if !matches!(args.depth_is, DepthArg::Measured) {
                 return Err(Usage(photos::PREDICTED.into()).into());
             }
             let given_camera = |photo: &imaging::PhotoFile| given_camera(args, photo);
@@ -196,11 +203,7 @@ fn photo(
         Depth::File(None) => DepthSource::Network,
         Depth::File(Some(file)) => {
             files = format!("{files} and {}", file.display());
-            let depth_m = stages.stage("read depth", || imaging::read_depth(file, args.depth_scale))?;
-            match args.depth_is {
-                DepthArg::Measured => DepthSource::Measured(depth_m),
-                DepthArg::Predicted => DepthSource::Predicted(depth_m),
-            }
+            read_depth(args, file, stages)?
         }
         #[cfg(feature = "depth-models")]
         Depth::Model(model) => DepthSource::Model(model),
@@ -208,11 +211,39 @@ fn photo(
     let request = PhotoRequest { photo, camera: given.map(|(camera, _)| camera), depth };
     let resolved = estimator.resolve(request, &mut |event| stages.handle(event)).map_err(|error| match error {
         EstimateError::Frame(error) => anyhow::Error::from(error).context(format!("{files} cannot be used together")),
+        #[cfg(feature = "depth-models")]
+        EstimateError::RelativeDepth(_) => anyhow::Error::from(error).context(files.clone()),
         error => error.into(),
     })?;
     let source = given.map(|(_, option)| option.to_owned()).or(resolved.camera_source.map(|source| source.to_string()));
     note_camera(&resolved.camera, &source.unwrap_or_default(), stages);
     Ok(resolved)
+}
+
+/// Reads a depth map as `--depth-is` and `--depth-scale` say.
+fn read_depth(args: &Args, file: &Path, stages: &mut Stages) -> anyhow::Result<DepthSource> {
+    #[cfg(feature = "depth-models")]
+    if matches!(args.depth_is, DepthArg::Inverse) {
+        if args.depth_scale.is_some() {
+            return Err(Usage("--depth-scale has no effect on inverse depth, whose scale is fitted".into()).into());
+        }
+        return Ok(DepthSource::Inverse(stages.stage("read depth", || imaging::read_inverse_depth(file))?));
+    }
+    let depth = stages.stage("read depth", || imaging::read_depth_file(file, args.depth_scale))?;
+    stages.set_depth_units(DepthUnits::of(&depth));
+    Ok(match args.depth_is {
+        DepthArg::Measured => DepthSource::Measured(depth.depth_m),
+        _ => DepthSource::Predicted(depth.depth_m),
+    })
+}
+
+/// Whether depth is relative and needs the built-in network's for its scale.
+fn is_relative(args: &Args) -> bool {
+    match args.depth_is {
+        DepthArg::Measured | DepthArg::Predicted => false,
+        #[cfg(feature = "depth-models")]
+        DepthArg::Inverse => true,
+    }
 }
 
 /// Creates an estimator, with networks if depth or completion needs them. `is_metric`: a depth model gives metric
@@ -223,7 +254,7 @@ fn estimator(args: &Args, is_metric: bool, stages: &mut Stages) -> anyhow::Resul
         // A program without weights can still complete without a network.
         None => cfg!(feature = "weights") || args.weights.is_some(),
     };
-    if !network_completes && (!args.depth.is_empty() || is_metric) {
+    if !network_completes && ((!args.depth.is_empty() && !is_relative(args)) || is_metric) {
         return match args.weights {
             Some(_) => {
                 Err(Usage("--weights has no effect: with given depth, only --completion network uses networks".into())

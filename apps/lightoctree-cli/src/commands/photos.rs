@@ -32,9 +32,9 @@ pub struct PhotosArgs {
     exposures: Option<parse::ExposuresEv>,
 }
 
-/// Error of predicted depth for several photos.
+/// Error of predicted or inverse depth for several photos.
 pub const PREDICTED: &str =
-    "--depth-is predicted: several photos need measured depth, because predicted depths have no common scale";
+    "--depth-is: several photos need measured depth, because predicted depths have no common scale";
 
 /// Separates photos from depth maps. If the options precede the photos, clap parses the photos as depth maps.
 ///

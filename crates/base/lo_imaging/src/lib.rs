@@ -19,6 +19,7 @@ mod generator;
 mod image;
 mod main_light;
 mod npy;
+mod npz;
 mod perspective;
 mod pfm;
 mod photo;
@@ -38,6 +39,7 @@ pub use atomic::write_atomically;
 pub use color::{linear_from_srgb, linear_from_srgb8, luminance, srgb_from_linear, srgb8_from_linear};
 pub use contact_sheet::{CONTACT_SHEET_BACKGROUND, contact_sheet, photo_tile};
 pub use cubemap::{Cubemap, cubemap_from_equirectangular, equirectangular_from_cubemap};
+pub use depth::DepthFile;
 pub use encoded_image::MAX_PIXELS;
 pub use equirectangular::{
     reorient, reorient_depth, resize_equirectangular, rotate_equirectangular, rotate_equirectangular_nearest,
@@ -54,7 +56,7 @@ pub use perspective::{
 };
 pub use photo::Photo;
 pub use read::{
-    PhotoFile, depth_from_bytes, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth,
+    PhotoFile, depth_from_bytes, inverse_depth_from_bytes, read_depth_file, read_inverse_depth, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth,
     read_exr_channels, read_photo, read_radiance, read_rgba8, rgba8_from_bytes, size_from_bytes,
 };
 pub use resize::{resize, resize_depth};

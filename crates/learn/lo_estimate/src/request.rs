@@ -2,6 +2,8 @@
 use lo_depth_models::DepthModel;
 use lo_events::OnEvent;
 use lo_geometry::Camera;
+#[cfg(feature = "depth-models")]
+use lo_imaging::Image;
 use lo_imaging::{DepthMap, PhotoFile};
 use lo_scene::{CameraSource, Frame, FrameError};
 
@@ -32,6 +34,10 @@ pub enum DepthSource {
     Measured(DepthMap),
     /// Depth predicted by another program's network, in metres along the optical axis, at any resolution.
     Predicted(DepthMap),
+    /// Inverse depth or disparity predicted by another program, in any unit and with any offset, at any resolution
+    /// (feature `depth-models`). It is fitted to the estimator's own depth network.
+    #[cfg(feature = "depth-models")]
+    Inverse(Image<f32>),
     /// A third-party depth model in an ONNX file (feature `depth-models`).
     #[cfg(feature = "depth-models")]
     Model(Box<DepthModel>),
@@ -51,11 +57,12 @@ pub struct ResolvedPhoto {
 }
 
 impl Estimator {
-    /// Determines the camera of a photo, and runs its depth model, if it has one.
+    /// Determines the camera of a photo, runs its depth model, if it has one, and fits inverse depth.
     ///
     /// # Errors
     /// - [`EstimateError::Frame`] if the photo has no pixels, or photo and depth do not form a [`Frame`].
-    /// - With [`DepthSource::Model`], the errors of `Estimator::predict_depth`.
+    /// - With [`DepthSource::Model`], the errors of `Estimator::predict_depth`; with [`DepthSource::Inverse`], those of
+    ///   its relative depth.
     /// - [`EstimateError::Cancelled`] if `on_event` breaks off.
     #[cfg_attr(not(feature = "depth-models"), expect(unused_variables))]
     pub fn resolve(&self, request: PhotoRequest, on_event: OnEvent<'_>) -> Result<ResolvedPhoto, EstimateError> {
@@ -87,6 +94,10 @@ impl Estimator {
         let input = match depth {
             DepthSource::Measured(depth_m) => Input::MeasuredDepth(Frame::new(photo, depth_m, camera, 1.0)?),
             DepthSource::Predicted(depth_m) => Input::PredictedDepth(Frame::new(photo, depth_m, camera, 1.0)?.into()),
+            #[cfg(feature = "depth-models")]
+            DepthSource::Inverse(inverse) => {
+                Input::PredictedDepth(self.depth_from_inverse(photo, camera, &inverse, on_event)?)
+            }
             _ => Input::Photo { photo, camera },
         };
         Ok(ResolvedPhoto { input, camera, camera_source })

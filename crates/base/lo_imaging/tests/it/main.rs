@@ -3,5 +3,6 @@
 
 mod damaged;
 mod exif;
+mod numpy;
 mod real_files;
 mod round_trips;
