@@ -20,6 +20,7 @@ fn hint(warning: &dyn Warning) -> Option<String> {
             let them = if photos.len() == 1 { "it" } else { "them" };
             return Some(format!("; set {them} with --exposures"));
         }
+        Some(EstimateWarning::WidePhoto { .. }) => return Some("; --hfov-deg sets its field of view".to_owned()),
         Some(EstimateWarning::InverseDepth { .. }) => return Some(": --depth-is inverse".to_owned()),
         _ => {}
     }

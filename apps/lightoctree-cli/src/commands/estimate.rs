@@ -11,10 +11,12 @@ use lightoctree::{
 use lo_depth_models::DepthModel;
 use lo_geometry::{Camera, Vec3};
 use lo_imaging as imaging;
-use lo_scene::Completion;
+use lo_imaging::SpecialProjection;
+use lo_scene::{CameraSource, Completion};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
+use super::lens::LensArgs;
 use super::panorama_prior::{self, PanoramaPriorArgs};
 use super::parse;
 use super::photos::{self, PhotosArgs};
@@ -69,13 +71,8 @@ pub struct Args {
     #[arg(long, value_name = "UNITS_PER_METRE", requires = "depth", value_parser = parse::positive, allow_hyphen_values = true)]
     depth_scale: Option<f64>,
 
-    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else estimated from the photo]
-    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, allow_hyphen_values = true, conflicts_with = "hfov_deg")]
-    intrinsics: Option<[f64; 4]>,
-
-    /// Horizontal field of view in degrees, instead of --intrinsics
-    #[arg(long, value_name = "A")]
-    hfov_deg: Option<f64>,
+    #[command(flatten)]
+    lens: LensArgs,
 
     /// Depth of the octree, 5 to 9; leaves at depth 7 are 1/128 of the cube [default: 7]
     ///
@@ -157,8 +154,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             if !matches!(args.depth_is, DepthArg::Measured) {
                 return Err(Usage(photos::PREDICTED.into()).into());
             }
-            let given_camera = |photo: &imaging::PhotoFile| given_camera(args, photo);
-            let photos = args.photos.read(photos, depths, args.depth_scale, given_camera, &mut stages)?;
+            let photos = args.photos.read(photos, depths, args.depth_scale, &args.lens, &mut stages)?;
             options.up = options.up.or(photos.up);
             photos.input
         }
@@ -197,7 +193,7 @@ fn photo(
     stages: &mut Stages,
 ) -> anyhow::Result<ResolvedPhoto> {
     let photo = stages.stage("read photo", || imaging::read_photo(path))?;
-    let given = given_camera(args, &photo)?;
+    let given = args.lens.of(path, &photo)?;
     let mut files = path.display().to_string();
     let depth = match depth {
         Depth::File(None) => DepthSource::Network,
@@ -208,16 +204,34 @@ fn photo(
         #[cfg(feature = "depth-models")]
         Depth::Model(model) => DepthSource::Model(model),
     };
-    let request = PhotoRequest { photo, camera: given.map(|(camera, _)| camera), depth };
+    let is_cropped = photo.focal.is_cropped(photo.photo.width() as u32, photo.photo.height() as u32);
+    let camera = given.camera.as_ref().map(|(camera, _)| *camera);
+    let request = PhotoRequest { photo, camera, distortion: given.distortion, depth };
     let resolved = estimator.resolve(request, &mut |event| stages.handle(event)).map_err(|error| match error {
+        EstimateError::Projection(projection) => projection_error(path, projection, error),
+        EstimateError::Undistortion(error) => anyhow::Error::from(error).context("--distortion"),
         EstimateError::Frame(error) => anyhow::Error::from(error).context(format!("{files} cannot be used together")),
         #[cfg(feature = "depth-models")]
         EstimateError::RelativeDepth(_) => anyhow::Error::from(error).context(files.clone()),
         error => error.into(),
     })?;
-    let source = given.map(|(_, option)| option.to_owned()).or(resolved.camera_source.map(|source| source.to_string()));
-    note_camera(&resolved.camera, &source.unwrap_or_default(), stages);
+    let source = match (given.camera, resolved.camera_source) {
+        (Some((_, option)), _) => option,
+        (None, Some(CameraSource::Exif)) if is_cropped => format!("{} of the uncropped photo", CameraSource::Exif),
+        (None, source) => source.map(|source| source.to_string()).unwrap_or_default(),
+    };
+    note_camera(&resolved.camera, &source, stages);
     Ok(resolved)
+}
+
+/// Returns the error of a photo that no pinhole camera takes, with hints at options.
+fn projection_error(path: &Path, projection: SpecialProjection, error: EstimateError) -> anyhow::Error {
+    let hint = match projection {
+        SpecialProjection::Equirectangular | SpecialProjection::DualFisheye => " (--panorama)",
+        SpecialProjection::Panorama | SpecialProjection::Fisheye => "",
+    };
+    let ordinary = "If it is an ordinary photo, set --hfov-deg or --intrinsics";
+    anyhow::anyhow!("{}: {error}{hint}. {ordinary}", path.display())
 }
 
 /// Reads a depth map as `--depth-is` and `--depth-scale` say.
@@ -283,18 +297,6 @@ fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2], panorama: Optio
         panorama,
         ..EstimateOptions::default()
     }
-}
-
-/// Returns the camera given by an option, and the option's name.
-fn given_camera(args: &Args, photo: &imaging::PhotoFile) -> anyhow::Result<Option<(Camera, &'static str)>> {
-    let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
-    if let Some([fx, fy, cx, cy]) = args.intrinsics {
-        let camera = Camera::new(fx, fy, cx, cy, width, height);
-        return Ok(Some((camera.map_err(|error| Usage(format!("--intrinsics: {error}")))?, "--intrinsics")));
-    }
-    let Some(hfov_deg) = args.hfov_deg else { return Ok(None) };
-    let camera = Camera::from_hfov_deg(hfov_deg, width, height);
-    Ok(Some((camera.map_err(|error| Usage(format!("--hfov-deg: {error}")))?, "--hfov-deg")))
 }
 
 fn note_camera(camera: &Camera, source: &str, stages: &mut Stages) {

@@ -6,8 +6,8 @@ use image::DynamicImage;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 
 use crate::encoded_image::{EncodedImage, MAX_PIXELS};
-use crate::pfm::Pfm;
 use crate::npz::Wanted;
+use crate::pfm::Pfm;
 use crate::stored_depth::StoredDepth;
 use crate::{DepthMap, Format, Image, ImageError, exr_read, npy, npz, pfm, raster};
 

@@ -120,7 +120,8 @@ impl FocalLength {
     fn original_px(&self, width: u32, height: u32) -> Option<[f64; 2]> {
         let [photo_width, photo_height] = [width, height].map(f64::from);
         let long = photo_width.max(photo_height);
-        let Some((original_width, Some(original_height))) = self.original_size.filter(|_| self.is_cropped(width, height))
+        let Some((original_width, Some(original_height))) =
+            self.original_size.filter(|_| self.is_cropped(width, height))
         else {
             return self.original_size.map(|_| [long, photo_width.min(photo_height)]);
         };

@@ -3,6 +3,7 @@
 //! Radiance is linear, with Rec. 709 primaries, in relative units: 1.0 is the photo's white. Row 0 is the top row.
 
 mod atomic;
+mod bars;
 mod chromaticity;
 mod color;
 mod contact_sheet;
@@ -23,6 +24,7 @@ mod npz;
 mod perspective;
 mod pfm;
 mod photo;
+mod projection;
 mod raster;
 mod read;
 mod resize;
@@ -36,6 +38,7 @@ mod y4m_write;
 pub use crate::exif::{FocalLength, PhotoExposure};
 pub use crate::image::{DepthMap, Image, RadianceImage};
 pub use atomic::write_atomically;
+pub use bars::BlackBars;
 pub use color::{linear_from_srgb, linear_from_srgb8, luminance, srgb_from_linear, srgb8_from_linear};
 pub use contact_sheet::{CONTACT_SHEET_BACKGROUND, contact_sheet, photo_tile};
 pub use cubemap::{Cubemap, cubemap_from_equirectangular, equirectangular_from_cubemap};
@@ -55,9 +58,11 @@ pub use perspective::{
     equirectangular_from_perspective, perspective_from_equirectangular, sample_clamped, view_rotation,
 };
 pub use photo::Photo;
+pub use projection::SpecialProjection;
 pub use read::{
-    PhotoFile, depth_from_bytes, inverse_depth_from_bytes, read_depth_file, read_inverse_depth, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth,
-    read_exr_channels, read_photo, read_radiance, read_rgba8, rgba8_from_bytes, size_from_bytes,
+    PhotoFile, depth_from_bytes, exr_channels_from_bytes, inverse_depth_from_bytes, photo_from_bytes,
+    radiance_from_bytes, read_depth, read_depth_file, read_exr_channels, read_inverse_depth, read_photo, read_radiance,
+    read_rgba8, rgba8_from_bytes, size_from_bytes,
 };
 pub use resize::{resize, resize_depth};
 pub use sh::Sh9;

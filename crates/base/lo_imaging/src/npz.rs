@@ -10,7 +10,8 @@ use crate::stored_depth::StoredDepth;
 use crate::{Format, ImageError};
 
 /// Names of depth arrays as programs write them, the preferred first.
-const DEPTH_NAMES: [&str; 8] = ["depth_m", "depth", "metric_depth", "depth_map", "pred_depth", "depth_pred", "pred", "z"];
+const DEPTH_NAMES: [&str; 8] =
+    ["depth_m", "depth", "metric_depth", "depth_map", "pred_depth", "depth_pred", "pred", "z"];
 
 /// Names of arrays of inverse depth.
 const INVERSE_NAMES: [&str; 5] = ["inverse_depth", "inv_depth", "disparity", "disp", "depth_inverse"];
@@ -62,7 +63,11 @@ pub(crate) fn decode(source: EncodedImage, wanted: Wanted) -> Result<StoredDepth
     let pixels: u64 = array.shape.iter().product();
     let mut entry = archive.by_index(array.index).map_err(|error| source.invalid(error))?;
     let mut bytes = Vec::new();
-    entry.by_ref().take(MAX_HEADER_BYTES + 8 * pixels).read_to_end(&mut bytes).map_err(|error| source.invalid(error))?;
+    entry
+        .by_ref()
+        .take(MAX_HEADER_BYTES + 8 * pixels)
+        .read_to_end(&mut bytes)
+        .map_err(|error| source.invalid(error))?;
     let name = format!("{} (array {})", source.name, array.name);
     npy::decode(EncodedImage { bytes: &bytes, name: &name, format: Format::Npy })
 }

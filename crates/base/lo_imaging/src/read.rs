@@ -1,7 +1,7 @@
 use std::path::Path;
 
-use crate::encoded_image::EncodedImage;
 use crate::depth::DepthFile;
+use crate::encoded_image::EncodedImage;
 use crate::exif::{FocalLength, PhotoExposure};
 use crate::exr_read::{self, ExrChannels};
 use crate::pfm::Pfm;

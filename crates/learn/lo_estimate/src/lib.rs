@@ -11,6 +11,7 @@ mod depth_model;
 mod error;
 mod estimator;
 mod fitted_light;
+mod framed;
 mod given_depth;
 mod input;
 mod lighting;

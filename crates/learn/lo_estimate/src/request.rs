@@ -1,13 +1,13 @@
 #[cfg(feature = "depth-models")]
 use lo_depth_models::DepthModel;
-use lo_events::OnEvent;
-use lo_geometry::Camera;
+use lo_events::{OnEvent, warn};
+use lo_geometry::{Camera, Distortion};
 #[cfg(feature = "depth-models")]
 use lo_imaging::Image;
-use lo_imaging::{DepthMap, PhotoFile};
-use lo_scene::{CameraSource, Frame, FrameError};
+use lo_imaging::{DepthMap, Photo, PhotoFile, SpecialProjection};
+use lo_scene::{CameraSource, Frame, FrameError, Undistortion};
 
-use crate::{EstimateError, Estimator, Input};
+use crate::{EstimateError, EstimateWarning, Estimator, Input};
 
 /// A photo with the user's information on its camera and depth, as front ends receive it.
 ///
@@ -20,9 +20,15 @@ pub struct PhotoRequest {
     ///
     /// Otherwise it comes from EXIF, the depth model, the networks or [`DEFAULT_HFOV_DEG`](crate::DEFAULT_HFOV_DEG).
     pub camera: Option<Camera>,
-    /// Source of the depth.
+    /// Distortion of the camera's lens. It is undone: the estimate has an undistorted photo.
+    pub distortion: Option<Distortion>,
+    /// Source of the depth. A depth map has the photo's distortion.
     pub depth: DepthSource,
 }
+
+/// Aspects from which a photo may be a stitched panorama, of landscape and of portrait photos. Phones' screenshots have
+/// up to 2.33.
+const WIDE: [f64; 2] = [2.2, 2.5];
 
 /// The source of a photo's depth.
 #[derive(Debug)]
@@ -60,13 +66,22 @@ impl Estimator {
     /// Determines the camera of a photo, runs its depth model, if it has one, and fits inverse depth.
     ///
     /// # Errors
+    /// - [`EstimateError::Projection`] if the camera is not given and the photo is that of no pinhole camera.
+    /// - [`EstimateError::Undistortion`] if the distortion cannot be undone.
     /// - [`EstimateError::Frame`] if the photo has no pixels, or photo and depth do not form a [`Frame`].
     /// - With [`DepthSource::Model`], the errors of `Estimator::predict_depth`; with [`DepthSource::Inverse`], those of
     ///   its relative depth.
     /// - [`EstimateError::Cancelled`] if `on_event` breaks off.
     #[cfg_attr(not(feature = "depth-models"), expect(unused_variables))]
     pub fn resolve(&self, request: PhotoRequest, on_event: OnEvent<'_>) -> Result<ResolvedPhoto, EstimateError> {
-        let PhotoRequest { photo, camera, depth } = request;
+        let PhotoRequest { photo, camera, distortion, depth } = request;
+        if camera.is_none() && distortion.is_none() {
+            check_projection(&photo.photo, on_event)?;
+        }
+        if let Some(distortion) = distortion {
+            let request = PhotoRequest { photo, camera, distortion: None, depth };
+            return self.resolve_distorted(request, distortion, on_event);
+        }
         #[cfg(feature = "depth-models")]
         if let DepthSource::Model(model) = depth {
             let known = match camera {
@@ -83,13 +98,7 @@ impl Estimator {
             let camera = predicted.frame.camera;
             return Ok(ResolvedPhoto { input: Input::PredictedDepth(predicted), camera, camera_source });
         }
-        let (camera, camera_source) = match camera {
-            Some(camera) => (camera, None),
-            None => {
-                let (camera, source) = self.camera_of(&photo).map_err(FrameError::from)?;
-                (camera, Some(source))
-            }
-        };
+        let (camera, camera_source) = self.given_or_found_camera(&photo, camera)?;
         let photo = photo.photo;
         let input = match depth {
             DepthSource::Measured(depth_m) => Input::MeasuredDepth(Frame::new(photo, depth_m, camera, 1.0)?),
@@ -102,4 +111,55 @@ impl Estimator {
         };
         Ok(ResolvedPhoto { input, camera, camera_source })
     }
+
+    /// Undoes the distortion of a photo and its depth map, and resolves the rest.
+    fn resolve_distorted(
+        &self,
+        request: PhotoRequest,
+        distortion: Distortion,
+        on_event: OnEvent<'_>,
+    ) -> Result<ResolvedPhoto, EstimateError> {
+        let PhotoRequest { mut photo, camera, depth, .. } = request;
+        let (camera, camera_source) = self.given_or_found_camera(&photo, camera)?;
+        let undistortion = Undistortion::new(camera, distortion)?;
+        warn(on_event, EstimateWarning::Undistorted { hfov_deg: undistortion.camera.hfov_deg() })?;
+        photo.photo = undistortion.photo(&photo.photo);
+        let depth = match depth {
+            DepthSource::Measured(depth_m) => DepthSource::Measured(undistortion.depth(&depth_m)),
+            DepthSource::Predicted(depth_m) => DepthSource::Predicted(undistortion.depth(&depth_m)),
+            #[cfg(feature = "depth-models")]
+            DepthSource::Inverse(inverse) => DepthSource::Inverse(undistortion.depth(&inverse)),
+            undistorted => undistorted,
+        };
+        let request = PhotoRequest { photo, camera: Some(undistortion.camera), distortion: None, depth };
+        self.resolve(request, on_event).map(|resolved| ResolvedPhoto { camera_source, ..resolved })
+    }
+
+    /// Returns the given camera, or determines it with its source.
+    fn given_or_found_camera(
+        &self,
+        photo: &PhotoFile,
+        given: Option<Camera>,
+    ) -> Result<(Camera, Option<CameraSource>), EstimateError> {
+        match given {
+            Some(camera) => Ok((camera, None)),
+            None => {
+                let (camera, source) = self.camera_of(photo).map_err(FrameError::from)?;
+                Ok((camera, Some(source)))
+            }
+        }
+    }
+}
+
+/// Rejects photos that no pinhole camera takes, and warns about those that may be none.
+fn check_projection(photo: &Photo, on_event: OnEvent<'_>) -> Result<(), EstimateError> {
+    let (width, height) = (photo.width() as f64, photo.height() as f64);
+    if let Some(projection) = SpecialProjection::of(photo) {
+        return Err(EstimateError::Projection(projection));
+    }
+    let (aspect, limit) = if width > height { (width / height, WIDE[0]) } else { (height / width, WIDE[1]) };
+    if aspect >= limit {
+        warn(on_event, EstimateWarning::WidePhoto { aspect })?;
+    }
+    Ok(())
 }

@@ -1,6 +1,7 @@
 use std::fmt;
 
 use lo_events::Warning;
+use lo_imaging::BlackBars;
 
 /// Warnings of an estimate about its input.
 ///
@@ -31,6 +32,21 @@ pub enum EstimateWarning {
     DepthScale {
         /// Median ratio of given depth to the built-in network's.
         ratio: f64,
+    },
+    /// Black bars around the photo were left out of the estimate.
+    BlackBars {
+        /// The bars, in pixels of the photo.
+        bars: BlackBars,
+    },
+    /// The photo is so wide or high that it may be a stitched panorama; it was taken for that of a pinhole camera.
+    WidePhoto {
+        /// Ratio of the longer to the shorter side.
+        aspect: f64,
+    },
+    /// Lens distortion was undone: the scene has the undistorted photo.
+    Undistorted {
+        /// Horizontal field of view of the undistorted photo, in degrees.
+        hfov_deg: f64,
     },
     /// Points outside the octree's cube were discarded.
     OutsideCube {
@@ -84,6 +100,25 @@ impl fmt::Display for EstimateWarning {
                 f,
                 "the depth map is {} times as near as the built-in network's depth: scale?",
                 two_digits(ratio.recip())
+            ),
+            Self::BlackBars { bars: BlackBars { left, top, right, bottom } } => {
+                let sides = [("left", left), ("top", top), ("right", right), ("bottom", bottom)];
+                let sides: Vec<String> = sides
+                    .iter()
+                    .filter(|(_, pixels)| **pixels > 0)
+                    .map(|(side, pixels)| format!("{pixels} pixels at the {side}"))
+                    .collect();
+                write!(f, "black bars around the picture are left out of the estimate: {}", sides.join(", "))
+            }
+            Self::WidePhoto { aspect } => write!(
+                f,
+                "one side of the photo is {aspect:.1} times the other: if it is a panorama stitched by a phone, crop it \
+                 to a part of at most 90°; it is taken for the photo of a pinhole camera"
+            ),
+            Self::Undistorted { hfov_deg } => write!(
+                f,
+                "lens distortion is undone: the scene's photo, and composites with it, are undistorted, with a \
+                 horizontal field of view of {hfov_deg:.1}°"
             ),
             Self::OutsideCube { outside, points } => {
                 write!(f, "{outside} of {points} points are outside the octree's cube and were discarded")

@@ -21,7 +21,10 @@ pub(super) fn is_cameras(text: &str) -> bool {
     let (width, height) = (words.next(), words.next());
     let is_count = |word: Option<&str>| word.is_some_and(|word| word.parse::<u64>().is_ok());
     let is_name = |word: &str| word.chars().all(|c| c.is_ascii_uppercase() || c == '_' || c.is_ascii_digit());
-    is_count(id) && model.is_some_and(|model| is_name(model) && !is_count(Some(model))) && is_count(width) && is_count(height)
+    is_count(id)
+        && model.is_some_and(|model| is_name(model) && !is_count(Some(model)))
+        && is_count(width)
+        && is_count(height)
 }
 
 pub(super) fn cameras(text: &str, name: &str) -> Result<Vec<ColmapCamera>, PoseError> {

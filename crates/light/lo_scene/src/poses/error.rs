@@ -35,7 +35,9 @@ pub enum PoseError {
         what: String,
     },
     /// The camera model is not supported.
-    #[error("{file}: its camera model is {model}; supported are pinhole cameras, also with OpenCV's distortion or fisheye")]
+    #[error(
+        "{file}: its camera model is {model}; supported are pinhole cameras, also with OpenCV's distortion or fisheye"
+    )]
     CameraModel {
         /// Name of the file.
         file: String,

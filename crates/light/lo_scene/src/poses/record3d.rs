@@ -34,7 +34,9 @@ pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
         let mut pose = Pose::from_quaternion([x, y, z, w], DVec3::new(tx, ty, tz), Axes::OpenGl, name, &label)?;
         pose.lens = match own {
             Some(own) => match numbers(&own[index]).as_deref() {
-                Some(&[fx, fy, cx, cy]) => Some(Lens::Pixels { intrinsics: [fx, fy, cx, cy], size: size(value, name)? }),
+                Some(&[fx, fy, cx, cy]) => {
+                    Some(Lens::Pixels { intrinsics: [fx, fy, cx, cy], size: size(value, name)? })
+                }
                 _ => return Err(content(name, format!("the intrinsics of {label} are not four numbers"))),
             },
             None => common,

@@ -196,8 +196,11 @@ fn what_is_no_pose_is_named() {
             "by the number in the photo's name, such as",
         ),
         (
-            refusal(&[r#"{"camera_model": "EQUIRECTANGULAR", "frames": [{"file_path": "a.jpg", "transform_matrix":
-                    [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]}"#], &PHOTOS),
+            refusal(
+                &[r#"{"camera_model": "EQUIRECTANGULAR", "frames": [{"file_path": "a.jpg", "transform_matrix":
+                    [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]}"#],
+                &PHOTOS,
+            ),
             "camera model is EQUIRECTANGULAR",
         ),
         (
