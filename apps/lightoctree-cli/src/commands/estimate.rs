@@ -204,6 +204,7 @@ fn photo(
         #[cfg(feature = "depth-models")]
         Depth::Model(model) => DepthSource::Model(model),
     };
+    let bars = imaging::BlackBars::of(&photo.photo);
     let is_cropped = photo.focal.is_cropped(photo.photo.width() as u32, photo.photo.height() as u32);
     let camera = given.camera.as_ref().map(|(camera, _)| *camera);
     let request = PhotoRequest { photo, camera, distortion: given.distortion, depth };
@@ -215,12 +216,14 @@ fn photo(
         EstimateError::RelativeDepth(_) => anyhow::Error::from(error).context(files.clone()),
         error => error.into(),
     })?;
-    let source = match (given.camera, resolved.camera_source) {
-        (Some((_, option)), _) => option,
+    let given = given.camera.map(|(_, option)| option);
+    let source = match (given.clone(), resolved.camera_source) {
+        (Some(option), _) => option,
         (None, Some(CameraSource::Exif)) if is_cropped => format!("{} of the uncropped photo", CameraSource::Exif),
         (None, source) => source.map(|source| source.to_string()).unwrap_or_default(),
     };
-    note_camera(&resolved.camera, &source, stages);
+    let camera = bars.filter(|_| given.is_none()).and_then(|bars| bars.camera_of_picture(&resolved.camera));
+    note_camera(&camera.unwrap_or(resolved.camera), &source, stages);
     Ok(resolved)
 }
 

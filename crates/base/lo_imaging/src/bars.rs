@@ -1,5 +1,7 @@
 //! Black bars around a picture: letterbox, pillarbox, and screenshots with rounded corners.
 
+use lo_geometry::Camera;
+
 use crate::{Image, Photo, RadianceImage, srgb8_from_linear};
 
 /// Largest sRGB value of black: video black is 16, and compression adds noise.
@@ -64,6 +66,22 @@ impl BlackBars {
     /// Height of the picture in an image of this height.
     fn inner_height(&self, height: usize) -> Option<usize> {
         height.checked_sub(self.top + self.bottom).filter(|height| *height > 0)
+    }
+
+    /// Returns the camera of the picture from that of the photo; `None` if its principal point is in a bar.
+    pub fn camera_of_picture(&self, photo: &Camera) -> Option<Camera> {
+        let inner = |size: u32, bars: usize| size.checked_sub(bars as u32);
+        let width = inner(photo.width, self.left + self.right)?;
+        let height = inner(photo.height, self.top + self.bottom)?;
+        Camera::new(photo.fx, photo.fy, photo.cx - self.left as f64, photo.cy - self.top as f64, width, height).ok()
+    }
+
+    /// Returns the camera of the photo from that of the picture.
+    pub fn camera_of_photo(&self, picture: &Camera) -> Camera {
+        let (cx, cy) = (picture.cx + self.left as f64, picture.cy + self.top as f64);
+        let width = picture.width + (self.left + self.right) as u32;
+        let height = picture.height + (self.top + self.bottom) as u32;
+        Camera { cx, cy, width, height, ..*picture }
     }
 
     /// Returns the picture without the bars.

@@ -3,7 +3,6 @@ use lo_imaging::{BlackBars, Photo, PhotoFile};
 use lo_scene::{CameraSource, working_photo};
 
 use crate::Estimator;
-use crate::framed::camera_of_photo;
 use crate::prepared_input::srgb8;
 
 /// Horizontal field of view assumed for a photo with no other information on its lens, in degrees.
@@ -56,7 +55,7 @@ fn between_bars(
         None => camera_of(photo),
         Some(bars) => {
             let (camera, source) = camera_of(&bars.cropped(photo))?;
-            Ok((camera_of_photo(&camera, &bars), source))
+            Ok((bars.camera_of_photo(&camera), source))
         }
     }
 }

@@ -25,7 +25,7 @@ impl FramedPhoto {
             }
             Input::Photos { .. } => return Ok((input, None)),
         };
-        let picture = BlackBars::of(photo).and_then(|bars| Some((bars, camera_of_picture(camera, &bars)?)));
+        let picture = BlackBars::of(photo).and_then(|bars| Some((bars, bars.camera_of_picture(camera)?)));
         let Some((bars, inner)) = picture else { return Ok((input, None)) };
         warn(on_event, EstimateWarning::BlackBars { bars })?;
         let framed = Self { bars, photo: photo.clone(), camera: *camera };
@@ -86,19 +86,4 @@ impl FramedPhoto {
         let (rows, row) = axis(map.height(), self.photo.height(), top, bottom);
         Image::from_fn(columns, rows, |x, y| map[(column(x), row(y))])
     }
-}
-
-/// Returns the camera of the picture between bars; `None` if its principal point is in a bar.
-fn camera_of_picture(camera: &Camera, bars: &BlackBars) -> Option<Camera> {
-    let (width, height) =
-        (camera.width - (bars.left + bars.right) as u32, camera.height - (bars.top + bars.bottom) as u32);
-    Camera::new(camera.fx, camera.fy, camera.cx - bars.left as f64, camera.cy - bars.top as f64, width, height).ok()
-}
-
-/// Returns the camera of a whole photo from that of the picture between its bars.
-pub(crate) fn camera_of_photo(picture: &Camera, bars: &BlackBars) -> Camera {
-    let (left, top) = (bars.left as f64, bars.top as f64);
-    let (width, height) =
-        (picture.width + (bars.left + bars.right) as u32, picture.height + (bars.top + bars.bottom) as u32);
-    Camera { cx: picture.cx + left, cy: picture.cy + top, width, height, ..*picture }
 }

@@ -4,7 +4,7 @@ use lo_imaging::DepthMap;
 
 use crate::EstimateWarning;
 
-/// Rank correlation below which given depth seems to be inverse. That of right maps is above 0 (`docs/method.md` §5),
+/// Rank correlation below which given depth seems to be inverse. That of right maps is above 0 (`docs/method.md` §1.3),
 /// except by chance on a single flat wall.
 const INVERSE_BELOW: f64 = -0.1;
 

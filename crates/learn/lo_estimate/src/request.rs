@@ -4,7 +4,7 @@ use lo_events::{OnEvent, warn};
 use lo_geometry::{Camera, Distortion};
 #[cfg(feature = "depth-models")]
 use lo_imaging::Image;
-use lo_imaging::{DepthMap, Photo, PhotoFile, SpecialProjection};
+use lo_imaging::{BlackBars, DepthMap, Photo, PhotoFile, SpecialProjection};
 use lo_scene::{CameraSource, Frame, FrameError, Undistortion};
 
 use crate::{EstimateError, EstimateWarning, Estimator, Input};
@@ -153,12 +153,19 @@ impl Estimator {
 
 /// Rejects photos that no pinhole camera takes, and warns about those that may be none.
 fn check_projection(photo: &Photo, on_event: OnEvent<'_>) -> Result<(), EstimateError> {
-    let (width, height) = (photo.width() as f64, photo.height() as f64);
-    if let Some(projection) = SpecialProjection::of(photo) {
+    // A disc in black could be taken for a picture between bars.
+    let fisheye = SpecialProjection::of(photo)
+        .filter(|found| matches!(found, SpecialProjection::Fisheye | SpecialProjection::DualFisheye));
+    let bars = BlackBars::of(photo);
+    let picture = bars.map(|bars| bars.cropped(photo));
+    let picture = picture.as_ref().unwrap_or(photo);
+    if let Some(projection) = fisheye.or_else(|| SpecialProjection::of(picture)) {
         return Err(EstimateError::Projection(projection));
     }
+    let (width, height) = (picture.width() as f64, picture.height() as f64);
     let (aspect, limit) = if width > height { (width / height, WIDE[0]) } else { (height / width, WIDE[1]) };
-    if aspect >= limit {
+    // Between bars, it is a frame of a film.
+    if aspect >= limit && bars.is_none() {
         warn(on_event, EstimateWarning::WidePhoto { aspect })?;
     }
     Ok(())

@@ -81,7 +81,7 @@ impl fmt::Display for EstimateWarning {
             Self::FittedDepth { scale, offset, agree, median_error } => write!(
                 f,
                 "depth is relative; it was fitted to the metric depth of the built-in network by \
-                 1/z = {scale:.4} d {offset:+.4}: {:.0} % of the pixels agree within a ratio of 1.25, the median \
+                 1/z = {scale:.3e} d {offset:+.3e}: {:.0} % of the pixels agree within a ratio of 1.25, the median \
                  difference is {:.0} %",
                 100.0 * agree,
                 100.0 * median_error

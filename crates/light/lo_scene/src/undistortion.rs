@@ -29,6 +29,12 @@ const MAX_HALF_EXTENT: f64 = 1.2;
 /// Smallest focal length of the undistorted image, as a share of the photo's.
 const MIN_ZOOM: f64 = 0.5;
 
+/// Largest half extent of a distorted photo, whose fisheye has focal lengths of a hundredth of its side.
+const MAX_DISTORTED_HALF_EXTENT: f64 = 50.0;
+
+/// Steps of the bisection, each of which halves the error of the focal length.
+const STEPS: u32 = 50;
+
 impl Undistortion {
     /// Chooses the pinhole camera with the widest view that the distorted photo fills, up to 100°.
     ///
@@ -37,6 +43,9 @@ impl Undistortion {
     pub fn new(distorted: Camera, distortion: Distortion) -> Result<Self, UndistortionError> {
         if !distortion.is_finite() {
             return Err(UndistortionError::NotFinite);
+        }
+        if distorted.half_extent() > MAX_DISTORTED_HALF_EXTENT {
+            return Err(UndistortionError::Folded);
         }
         let zoomed = |zoom: f64| Camera { fx: zoom * distorted.fx, fy: zoom * distorted.fy, ..distorted };
         let max_radius = distortion.max_radius();
@@ -56,7 +65,7 @@ impl Undistortion {
         if fills(wide) {
             narrow = wide;
         }
-        while narrow - wide > 1e-6 {
+        for _ in 0..STEPS {
             let middle = 0.5 * (narrow + wide);
             if fills(middle) { narrow = middle } else { wide = middle }
         }
@@ -108,10 +117,10 @@ impl Undistortion {
 
 /// Places along the border of an image.
 fn border(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
-    const STEPS: u32 = 64;
+    const PLACES: u32 = 64;
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    (0..=STEPS).flat_map(move |step| {
-        let share = f64::from(step) / f64::from(STEPS);
+    (0..=PLACES).flat_map(move |place| {
+        let share = f64::from(place) / f64::from(PLACES);
         [[share * width, 0.0], [share * width, height], [0.0, share * height], [width, share * height]]
     })
 }
@@ -204,5 +213,9 @@ mod tests {
         let error = |distortion| Undistortion::new(CAMERA, distortion).unwrap_err();
         assert_eq!(error(Distortion::brown(&[f64::NAN])), UndistortionError::NotFinite);
         assert_eq!(error(Distortion::brown(&[0.0, 0.0, 40.0])), UndistortionError::Folded);
+        for focal in [1e-300, 1e-3] {
+            let tiny = Camera { fx: focal, fy: focal, ..CAMERA };
+            assert_eq!(Undistortion::new(tiny, Distortion::brown(&[0.1])), Err(UndistortionError::Folded));
+        }
     }
 }

@@ -35,7 +35,12 @@ impl PhotoLens {
         Self::from_text(&text, &name, photo, images)
     }
 
-    fn from_text(
+    /// Takes the lens of a photo from the text of such a file. `images` reads the `images.txt` beside `cameras.txt`, and
+    /// `name` appears in errors.
+    ///
+    /// # Errors
+    /// As [`PhotoLens::read`].
+    pub fn from_text(
         text: &str,
         name: &str,
         photo: &Path,
