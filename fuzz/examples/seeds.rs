@@ -378,6 +378,8 @@ fn poses(folder: &Path) -> Result {
         ("scanner.json", format!(r#"{{"cameraPoseARFrame":[{matrix}],"intrinsics":[1400,0,960,0,1400,720,0,0,1]}}"#)),
         ("polycam.json", format!(r#"{{{},"fx":700,"fy":700,"cx":512,"cy":384,"width":1024,"height":768}}"#, polycam.join(","))),
         ("transforms.json", format!(r#"{{"applied_scale":0.5,"camera_angle_x":1.1,"frames":[{{"file_path":"./a.jpg","transform_matrix":{rows}}},{{"file_path":"b","transform_matrix":{rows},"fl_x":600,"w":640,"h":480}}]}}"#)),
+        ("distorted.json", r#"{"camera_model":"OPENCV_FISHEYE","fl_x":300,"w":640,"h":480,"k1":0.05,"k2":0.01}"#.into()),
+        ("cameras.txt", "# Camera list\n1 OPENCV 640 480 500 510 320 240 -0.2 0.05 0.001 0.002\n2 SIMPLE_RADIAL 640 480 500 320 240 0.1\n".into()),
         ("trajectory.txt", "# time tx ty tz qx qy qz qw\n1.0 0 0 0 0 0 0 1\n2.01 0.1 0 0 0 0.6 0 0.8\n".into()),
     ] {
         std::fs::write(folder.join(name), text)?;

@@ -14,6 +14,7 @@ fuzz_target!(init: let_decoders_panic(), |bytes: &[u8]| {
     if let Ok(depth_m) = imaging::depth_from_bytes(bytes, "a.npy", Some(1000.0)) {
         assert!(depth_m.pixels().iter().all(|z| z.is_finite() && *z >= 0.0));
     }
+    let _ = imaging::inverse_depth_from_bytes(bytes, "a.npz");
     let _ = imaging::rgba8_from_bytes(bytes, "a");
     let _ = imaging::exr_channels_from_bytes(bytes, "a.exr");
 });

@@ -1,11 +1,21 @@
-//! Camera pose files: the bytes give an error or rigid transforms.
+//! Files of camera poses and lenses: the bytes give an error, rigid transforms, or a lens whose distortion can be undone.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use lo_geometry::Vec3;
-use lo_scene::poses::{PhotoPoses, PoseFile};
+use lo_scene::Undistortion;
+use lo_scene::poses::{PhotoLens, PhotoPoses, PoseFile};
 
 fuzz_target!(|bytes: &[u8]| {
+    let text = String::from_utf8_lossy(bytes);
+    let lens = PhotoLens::from_text(&text, "lens", "a.jpg".as_ref(), || Some(text.clone().into_owned()));
+    if let Ok(lens) = lens
+        && let Ok(camera) = lens.camera(640, 480)
+        && let Some(distortion) = lens.distortion
+        && let Ok(undistortion) = Undistortion::new(camera, distortion)
+    {
+        assert!(undistortion.camera.fx.is_finite() && undistortion.camera.fx > 0.0, "{undistortion:?}");
+    }
     let Ok(file) = PoseFile::from_bytes(bytes, "poses") else { return };
     let names = [["a.jpg", "b.jpg"], ["0.jpg", "1.jpg"], ["1.0.png", "2.0.png"]];
     let of_all = names.iter().map(|photos| PhotoPoses::of(std::slice::from_ref(&file), photos));

@@ -8,6 +8,7 @@ pub mod args;
 pub mod choice;
 pub mod cli;
 pub mod commands;
+mod depth_units;
 pub mod interrupt;
 pub mod output;
 pub mod progress;

@@ -10,6 +10,7 @@ use lo_estimate::stages::PHOTOS;
 use lo_events::Figure;
 use lo_imaging::PhotoFile;
 
+use crate::depth_units::DepthUnits;
 use crate::interrupt;
 use crate::warning_text::warning_text;
 
@@ -22,12 +23,14 @@ pub struct Stages {
     bar: Option<ProgressBar>,
     /// Names of the inserted objects, for warnings.
     objects: Vec<String>,
+    /// Units of the given depth map, for warnings.
+    depth: Option<DepthUnits>,
 }
 
 impl Stages {
     /// Starts the clock. Prints nothing if `quiet`.
     pub fn new(quiet: bool) -> Self {
-        Self { quiet, start: Instant::now(), done: Vec::new(), bar: None, objects: Vec::new() }
+        Self { quiet, start: Instant::now(), done: Vec::new(), bar: None, objects: Vec::new(), depth: None }
     }
 
     /// Whether progress and notes are suppressed.
@@ -38,6 +41,11 @@ impl Stages {
     /// Sets the names of the inserted objects; warnings use them if there are several.
     pub fn name_objects(&mut self, names: &[String]) {
         self.objects = names.to_vec();
+    }
+
+    /// Sets the units of the given depth map, for warnings about its scale.
+    pub fn set_depth_units(&mut self, units: DepthUnits) {
+        self.depth = Some(units);
     }
 
     /// Runs a stage and reports its time.
@@ -78,7 +86,9 @@ impl Stages {
 
     /// Prints a warning of the library.
     pub fn warn(&self, warning: &dyn Warning) {
-        self.note(&warning_text(warning, &self.objects));
+        let mut text = warning_text(warning, &self.objects);
+        text.extend(self.depth.zip(warning.downcast_ref()).and_then(|(units, warning)| units.hint(warning)));
+        self.note(&text);
     }
 
     /// Prints the notes about photos' files.

@@ -15,9 +15,14 @@ pub fn warning_text(warning: &dyn Warning, objects: &[String]) -> String {
 
 /// Returns what to do about a warning by options, as the end of its sentence.
 fn hint(warning: &dyn Warning) -> Option<String> {
-    if let Some(EstimateWarning::AssumedExposures { photos }) = warning.downcast_ref() {
-        let them = if photos.len() == 1 { "it" } else { "them" };
-        return Some(format!("; set {them} with --exposures"));
+    match warning.downcast_ref() {
+        Some(EstimateWarning::AssumedExposures { photos }) => {
+            let them = if photos.len() == 1 { "it" } else { "them" };
+            return Some(format!("; set {them} with --exposures"));
+        }
+        Some(EstimateWarning::WidePhoto { .. }) => return Some("; --hfov-deg sets its field of view".to_owned()),
+        Some(EstimateWarning::InverseDepth { .. }) => return Some(": --depth-is inverse".to_owned()),
+        _ => {}
     }
     match warning.downcast_ref()? {
         PanoramaWarning::PoorMatch { yaw_deg, .. } => Some(format!(

@@ -155,8 +155,8 @@ pub mod events {
 /// ```
 pub mod geometry {
     pub use lo_geometry::{
-        Camera, CameraError, Cube, Mat3, Orientation, Plane, Quat, Ray, RigidTransform, Vec2, Vec3, direction_from_uv,
-        pixel_solid_angle_sr, uv_from_direction,
+        Camera, CameraError, Cube, Distortion, Mat3, Orientation, Plane, Quat, Ray, RigidTransform, Vec2, Vec3,
+        direction_from_uv, pixel_solid_angle_sr, uv_from_direction,
     };
 }
 
@@ -174,11 +174,11 @@ pub mod geometry {
 /// ```
 pub mod imaging {
     pub use lo_imaging::{
-        ChannelGroup, ColorProfile, DepthMap, EncodedPhoto, EnvironmentLayout, ExrOptions, GainMap, GainMapParameters,
-        Image, ImageError, MainLight, PartialPanorama, Photo, PhotoEncoding, PhotoFile, PhotoNote, RadianceImage, Sh9,
-        ToneCurve, depth_from_bytes, encode_exr, encode_photo, luminance, main_light, photo_from_bytes,
-        radiance_from_bytes, read_depth, read_photo, read_radiance, write_depth, write_photo, write_radiance,
-        write_tone_mapped,
+        BlackBars, ChannelGroup, ColorProfile, DepthMap, EncodedPhoto, EnvironmentLayout, ExrOptions, GainMap,
+        GainMapParameters, Image, ImageError, MainLight, PartialPanorama, Photo, PhotoEncoding, PhotoFile, PhotoNote,
+        RadianceImage, Sh9, SpecialProjection, ToneCurve, depth_from_bytes, encode_exr, encode_photo,
+        inverse_depth_from_bytes, luminance, main_light, photo_from_bytes, radiance_from_bytes, read_depth,
+        read_inverse_depth, read_photo, read_radiance, write_depth, write_photo, write_radiance, write_tone_mapped,
     };
 }
 
@@ -197,7 +197,7 @@ pub mod imaging {
 pub mod scene {
     pub use lo_scene::{
         Completion, EstimateOrigin, ExpectedLight, Frame, FrameError, ObjectDisplay, OtherPhoto, PanoramaContribution,
-        PosedFrame, Room, RoomPlane, SceneError, Side, poses,
+        PosedFrame, Room, RoomPlane, SceneError, Side, UndistortionError, poses,
     };
 }
 
@@ -327,7 +327,7 @@ pub mod export {
 /// let photo = imaging::read_photo("room.jpg")?;
 /// let depth = DepthSource::Model(Box::new(DepthModel::read("depth_anything_v2.onnx", None)?));
 /// let estimator = Estimator::shipped()?;
-/// let resolved = estimator.resolve(PhotoRequest { photo, camera: None, depth }, &mut events::ignore)?;
+/// let resolved = estimator.resolve(PhotoRequest { photo, camera: None, distortion: None, depth }, &mut events::ignore)?;
 /// let estimate = estimator.estimate(resolved.input, &EstimateOptions::default(), &mut events::ignore)?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -11,15 +11,18 @@ use lightoctree::{
 use lo_depth_models::DepthModel;
 use lo_geometry::{Camera, Vec3};
 use lo_imaging as imaging;
-use lo_scene::Completion;
+use lo_imaging::SpecialProjection;
+use lo_scene::{CameraSource, Completion};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
+use super::lens::LensArgs;
 use super::panorama_prior::{self, PanoramaPriorArgs};
 use super::parse;
 use super::photos::{self, PhotosArgs};
 use crate::args::{Global, OutputArgs};
 use crate::choice::{Choice, choice};
+use crate::depth_units::DepthUnits;
 use crate::progress::{Stages, seconds};
 use crate::usage::Usage;
 use crate::{output, report};
@@ -30,7 +33,7 @@ use crate::{output, report};
     lightoctree estimate photo.jpg -o room.scene\n  \
     lightoctree estimate photo.jpg --depth lidar.png -o room.scene\n  \
     lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene\n  \
-    lightoctree estimate photo.jpg --depth depth_pro.npy --depth-is predicted -o room.scene\n  \
+    lightoctree estimate photo.jpg --depth depth/photo.npz --depth-is predicted -o room.scene\n  \
     lightoctree estimate photo.jpg --depth-model moge-2-vits-normal.onnx -o room.scene\n  \
     lightoctree estimate photo.jpg --depth-model other.onnx --depth-model-config other.toml -o room.scene\n  \
     lightoctree estimate photo.jpg --panorama theta.hdr --panorama-at 0.4,0.1,-1.5 -o room.scene\n  \
@@ -43,19 +46,20 @@ pub struct Args {
     #[arg(required_unless_present = "depth")]
     photo: Vec<PathBuf>,
 
-    /// Depth map of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by
-    /// the built-in network]
+    /// Depth map of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY, NPZ in metres [default:
+    /// predicted by the built-in network]
     ///
     /// It comes from a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or, with --depth-is
-    /// predicted, from a program that predicts metric depth (Depth Anything, Depth Pro, MoGe, UniDepth). For several
-    /// photos, give one file per photo in the same order.
+    /// predicted, from a program that predicts metric depth (Depth Anything, Depth Pro, MoGe, UniDepth). Of an NPZ's
+    /// arrays the one named depth, depth_m, pred or arr_0 is read. For several photos, give one file per photo in the
+    /// same order.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     depth: Vec<PathBuf>,
 
     #[command(flatten)]
     photos: PhotosArgs,
 
-    /// Origin of the depth map
+    /// Origin and kind of the depth map
     #[arg(long, value_name = "SOURCE", default_value = "measured", requires = "depth")]
     depth_is: DepthArg,
 
@@ -67,13 +71,8 @@ pub struct Args {
     #[arg(long, value_name = "UNITS_PER_METRE", requires = "depth", value_parser = parse::positive, allow_hyphen_values = true)]
     depth_scale: Option<f64>,
 
-    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else estimated from the photo]
-    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, allow_hyphen_values = true, conflicts_with = "hfov_deg")]
-    intrinsics: Option<[f64; 4]>,
-
-    /// Horizontal field of view in degrees, instead of --intrinsics
-    #[arg(long, value_name = "A")]
-    hfov_deg: Option<f64>,
+    #[command(flatten)]
+    lens: LensArgs,
 
     /// Depth of the octree, 5 to 9; leaves at depth 7 are 1/128 of the cube [default: 7]
     ///
@@ -109,6 +108,11 @@ enum DepthArg {
     /// Network of another program: the up direction is estimated from the photo, and only surfaces well in front of an
     /// object hide it
     Predicted,
+    /// Inverse depth or disparity of another program, of any scale and offset; it is fitted to the built-in network's
+    /// depth, then used as predicted
+    #[cfg(feature = "depth-models")]
+    #[value(alias = "disparity")]
+    Inverse,
 }
 
 /// Methods to complete unobserved regions.
@@ -147,11 +151,10 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             resolved.input
         }
         _ => {
-            if matches!(args.depth_is, DepthArg::Predicted) {
+            if !matches!(args.depth_is, DepthArg::Measured) {
                 return Err(Usage(photos::PREDICTED.into()).into());
             }
-            let given_camera = |photo: &imaging::PhotoFile| given_camera(args, photo);
-            let photos = args.photos.read(photos, depths, args.depth_scale, given_camera, &mut stages)?;
+            let photos = args.photos.read(photos, depths, args.depth_scale, &args.lens, &mut stages)?;
             options.up = options.up.or(photos.up);
             photos.input
         }
@@ -190,29 +193,74 @@ fn photo(
     stages: &mut Stages,
 ) -> anyhow::Result<ResolvedPhoto> {
     let photo = stages.stage("read photo", || imaging::read_photo(path))?;
-    let given = given_camera(args, &photo)?;
+    let given = args.lens.of(path, &photo)?;
     let mut files = path.display().to_string();
     let depth = match depth {
         Depth::File(None) => DepthSource::Network,
         Depth::File(Some(file)) => {
             files = format!("{files} and {}", file.display());
-            let depth_m = stages.stage("read depth", || imaging::read_depth(file, args.depth_scale))?;
-            match args.depth_is {
-                DepthArg::Measured => DepthSource::Measured(depth_m),
-                DepthArg::Predicted => DepthSource::Predicted(depth_m),
-            }
+            read_depth(args, file, stages)?
         }
         #[cfg(feature = "depth-models")]
         Depth::Model(model) => DepthSource::Model(model),
     };
-    let request = PhotoRequest { photo, camera: given.map(|(camera, _)| camera), depth };
+    let bars = imaging::BlackBars::of(&photo.photo);
+    let is_cropped = photo.focal.is_cropped(photo.photo.width() as u32, photo.photo.height() as u32);
+    let camera = given.camera.as_ref().map(|(camera, _)| *camera);
+    let request = PhotoRequest { photo, camera, distortion: given.distortion, depth };
     let resolved = estimator.resolve(request, &mut |event| stages.handle(event)).map_err(|error| match error {
+        EstimateError::Projection(projection) => projection_error(path, projection, error),
+        EstimateError::Undistortion(error) => anyhow::Error::from(error).context("--distortion"),
         EstimateError::Frame(error) => anyhow::Error::from(error).context(format!("{files} cannot be used together")),
+        #[cfg(feature = "depth-models")]
+        EstimateError::RelativeDepth(_) => anyhow::Error::from(error).context(files.clone()),
         error => error.into(),
     })?;
-    let source = given.map(|(_, option)| option.to_owned()).or(resolved.camera_source.map(|source| source.to_string()));
-    note_camera(&resolved.camera, &source.unwrap_or_default(), stages);
+    let given = given.camera.map(|(_, option)| option);
+    let source = match (given.clone(), resolved.camera_source) {
+        (Some(option), _) => option,
+        (None, Some(CameraSource::Exif)) if is_cropped => format!("{} of the uncropped photo", CameraSource::Exif),
+        (None, source) => source.map(|source| source.to_string()).unwrap_or_default(),
+    };
+    let camera = bars.filter(|_| given.is_none()).and_then(|bars| bars.camera_of_picture(&resolved.camera));
+    note_camera(&camera.unwrap_or(resolved.camera), &source, stages);
     Ok(resolved)
+}
+
+/// Returns the error of a photo that no pinhole camera takes, with hints at options.
+fn projection_error(path: &Path, projection: SpecialProjection, error: EstimateError) -> anyhow::Error {
+    let hint = match projection {
+        SpecialProjection::Equirectangular | SpecialProjection::DualFisheye => " (--panorama)",
+        SpecialProjection::Panorama | SpecialProjection::Fisheye => "",
+    };
+    let ordinary = "If it is an ordinary photo, set --hfov-deg or --intrinsics";
+    anyhow::anyhow!("{}: {error}{hint}. {ordinary}", path.display())
+}
+
+/// Reads a depth map as `--depth-is` and `--depth-scale` say.
+fn read_depth(args: &Args, file: &Path, stages: &mut Stages) -> anyhow::Result<DepthSource> {
+    #[cfg(feature = "depth-models")]
+    if matches!(args.depth_is, DepthArg::Inverse) {
+        if args.depth_scale.is_some() {
+            return Err(Usage("--depth-scale has no effect on inverse depth, whose scale is fitted".into()).into());
+        }
+        return Ok(DepthSource::Inverse(stages.stage("read depth", || imaging::read_inverse_depth(file))?));
+    }
+    let depth = stages.stage("read depth", || imaging::read_depth_file(file, args.depth_scale))?;
+    stages.set_depth_units(DepthUnits::of(&depth));
+    Ok(match args.depth_is {
+        DepthArg::Measured => DepthSource::Measured(depth.depth_m),
+        _ => DepthSource::Predicted(depth.depth_m),
+    })
+}
+
+/// Whether depth is relative and needs the built-in network's for its scale.
+fn is_relative(args: &Args) -> bool {
+    match args.depth_is {
+        DepthArg::Measured | DepthArg::Predicted => false,
+        #[cfg(feature = "depth-models")]
+        DepthArg::Inverse => true,
+    }
 }
 
 /// Creates an estimator, with networks if depth or completion needs them. `is_metric`: a depth model gives metric
@@ -223,7 +271,7 @@ fn estimator(args: &Args, is_metric: bool, stages: &mut Stages) -> anyhow::Resul
         // A program without weights can still complete without a network.
         None => cfg!(feature = "weights") || args.weights.is_some(),
     };
-    if !network_completes && (!args.depth.is_empty() || is_metric) {
+    if !network_completes && ((!args.depth.is_empty() && !is_relative(args)) || is_metric) {
         return match args.weights {
             Some(_) => {
                 Err(Usage("--weights has no effect: with given depth, only --completion network uses networks".into())
@@ -252,18 +300,6 @@ fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2], panorama: Optio
         panorama,
         ..EstimateOptions::default()
     }
-}
-
-/// Returns the camera given by an option, and the option's name.
-fn given_camera(args: &Args, photo: &imaging::PhotoFile) -> anyhow::Result<Option<(Camera, &'static str)>> {
-    let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
-    if let Some([fx, fy, cx, cy]) = args.intrinsics {
-        let camera = Camera::new(fx, fy, cx, cy, width, height);
-        return Ok(Some((camera.map_err(|error| Usage(format!("--intrinsics: {error}")))?, "--intrinsics")));
-    }
-    let Some(hfov_deg) = args.hfov_deg else { return Ok(None) };
-    let camera = Camera::from_hfov_deg(hfov_deg, width, height);
-    Ok(Some((camera.map_err(|error| Usage(format!("--hfov-deg: {error}")))?, "--hfov-deg")))
 }
 
 fn note_camera(camera: &Camera, source: &str, stages: &mut Stages) {

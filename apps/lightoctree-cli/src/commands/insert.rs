@@ -9,7 +9,7 @@ use std::sync::Arc;
 use lightoctree::{Document, Estimate, Event, LightPurpose, LitScene, Models, Warning};
 use lo_geometry::{Orientation, Vec3};
 use lo_imaging as imaging;
-use lo_imaging::{ExrOptions, Image, RadianceImage};
+use lo_imaging::{ExrOptions, Image, Photo, RadianceImage};
 use lo_insert::{Composite, InsertError, InsertWarning, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lo_mesh::{Material, PreparedModel};
 use lo_scene::ObjectDisplay;
@@ -148,7 +148,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let size = (scene.frame.photo.width(), scene.frame.photo.height());
     let fps = args.fps.unwrap_or(shown.fps);
     let video = Video::is_video(output).then(|| Video::create(output, size, fps)).transpose()?;
-    let job = FrameJob { inserter: &inserter, objects: &objects, frames: &frames, time_limit_s: args.time_limit };
+    let photo = &scene.frame.photo;
+    let bars = imaging::BlackBars::of(photo).map(|bars| (bars, photo));
+    let job = FrameJob { inserter: &inserter, objects: &objects, frames: &frames, bars, time_limit_s: args.time_limit };
     let (count, mut written) = job.render_and_write(fallback, video, &mut stages)?;
     if Video::is_video(output) {
         written.push(output.clone());
@@ -320,6 +322,8 @@ struct FrameJob<'a> {
     inserter: &'a Inserter,
     objects: &'a Objects<'a>,
     frames: &'a [FrameFiles],
+    /// Black bars of the photo, which objects do not cover.
+    bars: Option<(imaging::BlackBars, &'a Photo)>,
     time_limit_s: Option<f64>,
 }
 
@@ -337,7 +341,11 @@ impl FrameJob<'_> {
         let mut reported = Reported::default();
         let progress = bar(stages.is_quiet() || self.frames.len() == 1, self.frames.len(), "frames");
         for FrameFiles { composite: file, layers } in self.frames {
-            let Some(composite) = self.render(count, &mut fallback, &mut reported, stages)? else { break };
+            let composite = self.render(count, &mut fallback, &mut reported, stages)?;
+            let Some(mut composite) = composite else { break };
+            if let Some((bars, photo)) = &self.bars {
+                bars.restore(photo, &mut composite.image);
+            }
             match &mut video {
                 Some(video) => video.add(&composite.image)?,
                 None => {

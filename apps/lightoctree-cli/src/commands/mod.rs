@@ -18,6 +18,7 @@ pub mod view;
 
 #[cfg(feature = "depth-models")]
 mod depth_model;
+mod lens;
 mod level;
 mod panorama_prior;
 mod photos;

@@ -3,14 +3,16 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
+use lightoctree::events::EstimateWarning;
 use lightoctree::{Exposures, Input};
-use lo_geometry::{Camera, Vec3};
+use lo_geometry::Vec3;
 use lo_imaging as imaging;
 use lo_imaging::{PhotoExposure, PhotoFile};
 use lo_mirror_ball::stops_from_exif;
 use lo_scene::poses::PhotoPoses;
-use lo_scene::{Frame, PosedFrame};
+use lo_scene::{Frame, PosedFrame, Undistortion};
 
+use super::lens::LensArgs;
 use super::parse;
 use crate::progress::Stages;
 use crate::usage::Usage;
@@ -32,9 +34,9 @@ pub struct PhotosArgs {
     exposures: Option<parse::ExposuresEv>,
 }
 
-/// Error of predicted depth for several photos.
+/// Error of predicted or inverse depth for several photos.
 pub const PREDICTED: &str =
-    "--depth-is predicted: several photos need measured depth, because predicted depths have no common scale";
+    "--depth-is: several photos need measured depth, because predicted depths have no common scale";
 
 /// Separates photos from depth maps. If the options precede the photos, clap parses the photos as depth maps.
 ///
@@ -79,13 +81,13 @@ impl PhotosArgs {
         Err(Usage(format!("{option} applies to several photos only, but one photo is given")).into())
     }
 
-    /// Reads photos, depth maps and poses. `given_camera` returns the camera given by another option, and its name.
+    /// Reads photos, depth maps and poses. `lens` has precedence over the lenses of the pose file.
     pub fn read(
         &self,
         photos: &[PathBuf],
         depths: &[PathBuf],
         depth_scale: Option<f64>,
-        given_camera: impl Fn(&PhotoFile) -> anyhow::Result<Option<(Camera, &'static str)>>,
+        lens: &LensArgs,
         stages: &mut Stages,
     ) -> anyhow::Result<PosedPhotos> {
         if self.poses.is_empty() {
@@ -106,9 +108,6 @@ impl PhotosArgs {
         })?;
         stages.photo_notes(photos.iter().zip(files.iter().map(|(photo, _)| photo)));
         stages.note(&format!("pose format: {}", poses.format));
-        if poses.distorted {
-            stages.note("the pose file contains lens distortion, which is not corrected");
-        }
         let exposures_ev = match &self.exposures {
             Some(parse::ExposuresEv(exposures)) => Some(exposures.iter().map(|ev| ev - exposures[0]).collect()),
             None => poses.exposures_ev().or_else(|| exif_exposures_ev(files.iter().map(|(photo, _)| photo))),
@@ -118,8 +117,9 @@ impl PhotosArgs {
             files.into_iter().zip(poses.first_from_cameras()).zip(photos).enumerate()
         {
             let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
-            let (camera, source) = if let Some((camera, option)) = given_camera(&photo)? {
-                (camera, option.to_owned())
+            let given = lens.without_exif(path, &photo)?;
+            let (mut camera, source) = if let Some((camera, option)) = given.camera {
+                (camera, option)
             } else if let Some(camera) = poses.camera(index, width, height)? {
                 (camera, "from the pose file".to_owned())
             } else {
@@ -127,9 +127,16 @@ impl PhotosArgs {
                 let (camera, source) = lightoctree::Estimator::without_networks().camera_of(&photo)?;
                 (camera, source.to_string())
             };
+            let (mut photo, mut depth_m) = (photo.photo, depth_m);
+            if let Some(distortion) = given.distortion.or_else(|| poses.distortion(index)) {
+                let undistortion = Undistortion::new(camera, distortion).with_context(|| path.display().to_string())?;
+                (photo, depth_m) = (undistortion.photo(&photo), undistortion.depth(&depth_m));
+                camera = undistortion.camera;
+                stages.warn(&EstimateWarning::Undistorted { hfov_deg: camera.hfov_deg() });
+            }
             stages.note(&format!("{}: horizontal field of view {:.1}° ({source})", path.display(), camera.hfov_deg()));
             let exposure = exposures_ev.as_ref().map_or(1.0, |stops: &Vec<f64>| (-stops[index]).exp2() as f32);
-            let frame = Frame::new(photo.photo, depth_m, camera, exposure).with_context(|| {
+            let frame = Frame::new(photo, depth_m, camera, exposure).with_context(|| {
                 format!("{} and {} cannot be used together", path.display(), depths[index].display())
             })?;
             frames.push(PosedFrame { frame, first_from_camera: pose });

@@ -5,6 +5,7 @@
 
 mod camera;
 mod cube;
+mod distortion;
 mod equirectangular;
 mod orientation;
 mod pattern;
@@ -16,6 +17,7 @@ mod smoothstep;
 
 pub use camera::{Camera, CameraError};
 pub use cube::Cube;
+pub use distortion::Distortion;
 pub use equirectangular::{direction_from_uv, pixel_direction, pixel_solid_angle_sr, uv_from_direction};
 pub use glam::{DMat3, DQuat, DVec3, Mat2, Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
 pub use orientation::Orientation;

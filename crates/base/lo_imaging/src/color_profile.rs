@@ -1,7 +1,7 @@
 //! Colour profiles: ICC, and the primaries and curves that PNG and EXIF state.
 
 use std::fmt;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use crate::color::{linear_from_srgb, linear_from_srgb8, srgb_from_linear, srgb8_from_linear};
 use moxcms::{
@@ -12,11 +12,12 @@ use moxcms::{
 /// Largest ICC profile that is used, in bytes; profiles of printers have about 3 MB.
 pub(crate) const MAX_PROFILE_BYTES: usize = 16 << 20;
 
-type Curve = Box<dyn ToneCurveEvaluator + Send + Sync>;
+type Curve = Arc<dyn ToneCurveEvaluator + Send + Sync>;
 
 /// An RGB colour space given by tone curves and primaries: sRGB's conversion to and from it.
 ///
 /// Colorimetric intent relative to the white points: white stays white (ICC.1:2022, annex F.3).
+#[derive(Clone)]
 pub struct ColorProfile {
     name: String,
     icc: Vec<u8>,
@@ -111,7 +112,7 @@ impl ColorProfile {
 
     fn of(profile: &IccProfile, icc: Vec<u8>) -> Option<Self> {
         static SRGB: LazyLock<IccProfile> = LazyLock::new(IccProfile::new_srgb);
-        let curve = |trc: &Option<ToneReprCurve>| trc.as_ref()?.make_linear_evaluator().ok();
+        let curve = |trc: &Option<ToneReprCurve>| trc.as_ref()?.make_linear_evaluator().ok().map(Arc::from);
         let curves = [curve(&profile.red_trc)?, curve(&profile.green_trc)?, curve(&profile.blue_trc)?];
         let at = |curve: &Curve, code: f32| curve.evaluate_value(code / 255.0);
         let linear = [0, 1, 2].map(|c| std::array::from_fn(|code| at(&curves[c], code as f32)));

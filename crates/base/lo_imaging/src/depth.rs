@@ -6,9 +6,10 @@ use image::DynamicImage;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 
 use crate::encoded_image::{EncodedImage, MAX_PIXELS};
+use crate::npz::Wanted;
 use crate::pfm::Pfm;
 use crate::stored_depth::StoredDepth;
-use crate::{DepthMap, Format, Image, ImageError, exr_read, npy, pfm, raster_decoder};
+use crate::{DepthMap, Format, Image, ImageError, exr_read, npy, npz, pfm, raster_decoder};
 
 /// Depth from which a value is a renderer's background and not a reading (Blender writes 1e10).
 const FARTHEST_M: f64 = 1e5;
@@ -16,23 +17,24 @@ const FARTHEST_M: f64 = 1e5;
 /// Default scale of integer files: millimetres.
 const INTEGER_UNITS_PER_METRE: f64 = 1000.0;
 
-pub(crate) fn decode(source: EncodedImage, units_per_metre: Option<f64>) -> Result<DepthMap, ImageError> {
+/// A depth map with what is known of its numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DepthFile {
+    /// Depth in metres; 0 means no reading.
+    pub depth_m: DepthMap,
+    /// Stored units per metre that were assumed or given.
+    pub units_per_metre: f64,
+    /// Whether the stored values span a whole range, of 8 or 16 bits or from 0 to 1, as normalised depth does.
+    pub spans_range: bool,
+}
+
+pub(crate) fn decode(source: EncodedImage, units_per_metre: Option<f64>) -> Result<DepthFile, ImageError> {
     if let Some(scale) = units_per_metre.filter(|s| !(s.is_finite() && *s > 0.0)) {
         return Err(source.invalid(format!("the depth scale must be positive and finite, got {scale} units per metre")));
     }
-    let float = |values| StoredDepth { values, integers: false };
-    let StoredDepth { mut values, integers } = match source.format {
-        Format::Exr => float(exr_read::decode_depth(source)?),
-        Format::Pfm => match pfm::decode(source)? {
-            Pfm::Grey(depth) => float(depth),
-            Pfm::Color(image) => float(image.map(|rgb| rgb[0])),
-        },
-        Format::Npy => npy::decode(source)?,
-        Format::Tiff => decode_tiff(source)?,
-        Format::Png | Format::Pnm => StoredDepth { values: decode_integers(source)?, integers: true },
-        _ => return Err(source.unsupported("depth must be a 16-bit PNG or PGM, an EXR, PFM, TIFF or NPY file")),
-    };
+    let StoredDepth { mut values, integers } = stored(source, Wanted::Depth)?;
     let units = units_per_metre.unwrap_or(if integers { INTEGER_UNITS_PER_METRE } else { 1.0 });
+    let spans_range = spans_range(values.pixels(), integers);
     let (mut positive, mut negative) = (false, false);
     for value in values.pixels_mut() {
         let depth_m = f64::from(*value) / units;
@@ -44,7 +46,57 @@ pub(crate) fn decode(source: EncodedImage, units_per_metre: Option<f64>) -> Resu
     if negative && !positive {
         return Err(source.invalid("all depths are negative; depth must increase away from the camera"));
     }
-    Ok(values)
+    Ok(DepthFile { depth_m: values, units_per_metre: units, spans_range })
+}
+
+fn spans_range(values: &[f32], integers: bool) -> bool {
+    let (least, most) = values.iter().fold((f32::MAX, f32::MIN), |(a, b), &v| (a.min(v), b.max(v)));
+    let ends: &[f32] = if integers { &[255.0, 65535.0] } else { &[1.0, 255.0, 65535.0] };
+    least == 0.0 && ends.contains(&most)
+}
+
+/// Decodes inverse depth as stored: any unit, any offset, larger is nearer. Values that are NaN or infinite are `NaN`.
+pub(crate) fn decode_inverse(source: EncodedImage) -> Result<Image<f32>, ImageError> {
+    let values = match source.format {
+        Format::Png | Format::Pnm => decode_grey(source)?,
+        _ => stored(source, Wanted::Inverse)?.values,
+    };
+    Ok(values.map(|value| if value.is_finite() { *value } else { f32::NAN }))
+}
+
+/// Decodes the values of a depth map as stored.
+fn stored(source: EncodedImage, wanted: Wanted) -> Result<StoredDepth, ImageError> {
+    let float = |values| StoredDepth { values, integers: false };
+    Ok(match source.format {
+        Format::Exr => float(exr_read::decode_depth(source)?),
+        Format::Pfm => match pfm::decode(source)? {
+            Pfm::Grey(depth) => float(depth),
+            Pfm::Color(image) => float(image.map(|rgb| rgb[0])),
+        },
+        Format::Npy => npy::decode(source)?,
+        Format::Npz => npz::decode(source, wanted)?,
+        Format::Tiff => decode_tiff(source)?,
+        Format::Png | Format::Pnm => StoredDepth { values: decode_integers(source)?, integers: true },
+        _ => return Err(source.unsupported("depth must be a 16-bit PNG or PGM, an EXR, PFM, TIFF, NPY or NPZ file")),
+    })
+}
+
+/// Decodes grey of 8 or 16 bits. A colour file is accepted if it is grey, as many programs write it.
+fn decode_grey(source: EncodedImage) -> Result<Image<f32>, ImageError> {
+    let decoded = raster_decoder::samples(source)?;
+    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    let values: Vec<f32> = match decoded {
+        DynamicImage::ImageLuma16(grey) => grey.into_raw().into_iter().map(f32::from).collect(),
+        DynamicImage::ImageLuma8(grey) => grey.into_raw().into_iter().map(f32::from).collect(),
+        other => {
+            let rgb = other.into_rgb8();
+            if rgb.pixels().any(|pixel| pixel.0 != [pixel.0[0]; 3]) {
+                return Err(source.unsupported("it is a colour image; inverse depth needs one channel"));
+            }
+            rgb.pixels().map(|pixel| f32::from(pixel.0[0])).collect()
+        }
+    };
+    Ok(Image::new(width, height, values))
 }
 
 fn decode_integers(source: EncodedImage) -> Result<DepthMap, ImageError> {

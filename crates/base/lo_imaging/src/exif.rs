@@ -9,9 +9,17 @@ pub struct FocalLength {
     pub focal_mm: Option<f64>,
     /// Sensor pixels per millimetre (tags 0xA20E, 0xA210).
     pub focal_plane_per_mm: Option<f64>,
-    /// Longer side of the image as written by the camera (tags 0xA002, 0xA003), in pixels.
-    pub original_long_side: Option<u32>,
+    /// Width and height of the image as written by the camera (tags 0xA002, 0xA003), in pixels, turned upright; the
+    /// height is absent in some files.
+    pub original_size: Option<(u32, Option<u32>)>,
+    /// Ratio of the digital zoom (tag 0xA404), above 1.
+    pub digital_zoom: Option<f64>,
+    /// Whether `equivalent_35mm` includes the digital zoom, as iPhones write it.
+    pub equivalent_includes_zoom: bool,
 }
+
+/// Largest ratio of the aspects of a photo and its original at which it is not cropped.
+const SAME_ASPECT: f64 = 1.015;
 
 /// Diagonal of the 36 mm × 24 mm frame; CIPA DCG-001 defines the 35 mm equivalent by the diagonal angle of view.
 const FILM_DIAGONAL_MM: f64 = 43.266_615_305_567_87;
@@ -69,28 +77,67 @@ impl FocalLength {
             5 => 1e-3,
             _ => 25.4,
         };
-        let sides = [Tag::PixelXDimension, Tag::PixelYDimension].map(|tag| uint(&exif, tag));
+        let is_turned = uint(&exif, Tag::Orientation).is_some_and(|orientation| (5..=8).contains(&orientation));
+        let original_size = match [Tag::PixelXDimension, Tag::PixelYDimension].map(|tag| uint(&exif, tag)) {
+            [Some(width), Some(height)] if is_turned => Some((height, Some(width))),
+            [Some(width), height] => Some((width, height)),
+            [None, height] => height.map(|height| (height, None)),
+        };
         Self {
             equivalent_35mm: number(&exif, Tag::FocalLengthIn35mmFilm),
             focal_mm: number(&exif, Tag::FocalLength),
             focal_plane_per_mm: number(&exif, Tag::FocalPlaneXResolution).map(|r| r / per_mm),
-            original_long_side: sides.into_iter().flatten().max(),
+            original_size,
+            digital_zoom: number(&exif, Tag::DigitalZoomRatio).filter(|zoom| *zoom > 1.0),
+            equivalent_includes_zoom: is_made_by(&exif, "Apple"),
         }
     }
 
     /// Focal length in pixels of a photo of `width` × `height`, in either orientation, with square pixels.
     ///
-    /// Computed from the focal plane resolution if the original size is known, else from the 35 mm equivalent. `None`
-    /// if neither is stated, or for an implausible lens (a horizontal angle outside 1° to 170°).
+    /// Computed from the focal plane resolution if the original size is known, else from the 35 mm equivalent. A photo
+    /// of another aspect than the original is a crop of it, the largest that fits. `None` if neither is stated, or for an
+    /// implausible lens (a horizontal angle outside 1° to 170°).
     pub fn focal_px(&self, width: u32, height: u32) -> Option<f64> {
-        let (width, height) = (f64::from(width), f64::from(height));
+        let original = self.original_px(width, height);
+        let zoom = self.digital_zoom.unwrap_or(1.0);
         let plane = || {
-            let scale = width.max(height) / f64::from(self.original_long_side?);
-            Some(self.focal_mm? * self.focal_plane_per_mm? * scale)
+            let scale = original?[0] / f64::from(self.long_side()?);
+            Some(self.focal_mm? * self.focal_plane_per_mm? * scale * zoom)
         };
-        let film = || Some(self.equivalent_35mm? / FILM_DIAGONAL_MM * width.hypot(height));
-        let plausible = |focal: &f64| (1.0..=170.0).contains(&hfov_deg(*focal, width));
+        let film = || {
+            let [long, short] = original.unwrap_or([width, height].map(f64::from));
+            let zoom = if self.equivalent_includes_zoom { 1.0 } else { zoom };
+            Some(self.equivalent_35mm? / FILM_DIAGONAL_MM * long.hypot(short) * zoom)
+        };
+        let plausible = |focal: &f64| (1.0..=170.0).contains(&hfov_deg(*focal, f64::from(width)));
         plane().filter(plausible).or_else(|| film().filter(plausible))
+    }
+
+    /// Whether a photo of `width` × `height` is cropped from an original of another aspect.
+    pub fn is_cropped(&self, width: u32, height: u32) -> bool {
+        let Some((original_width, Some(original_height))) = self.original_size else { return false };
+        let aspect = |a: u32, b: u32| f64::from(a.max(b)) / f64::from(a.min(b).max(1));
+        let ratio = aspect(width, height) / aspect(original_width, original_height);
+        ratio.max(ratio.recip()) > SAME_ASPECT
+    }
+
+    fn long_side(&self) -> Option<u32> {
+        self.original_size.map(|(width, height)| width.max(height.unwrap_or(0)))
+    }
+
+    /// Longer and shorter side of the uncropped original, in pixels of a photo of `width` × `height`.
+    fn original_px(&self, width: u32, height: u32) -> Option<[f64; 2]> {
+        let [photo_width, photo_height] = [width, height].map(f64::from);
+        let long = photo_width.max(photo_height);
+        let Some((original_width, Some(original_height))) =
+            self.original_size.filter(|_| self.is_cropped(width, height))
+        else {
+            return self.original_size.map(|_| [long, photo_width.min(photo_height)]);
+        };
+        let [original_width, original_height] = [original_width, original_height].map(f64::from);
+        let scale = (photo_width / original_width).max(photo_height / original_height);
+        Some([original_width.max(original_height) * scale, original_width.min(original_height) * scale])
     }
 
     /// Horizontal field of view in degrees of a photo of `width` × `height`; `None` as for [`FocalLength::focal_px`].
@@ -120,6 +167,13 @@ fn apex(exif: &Exif, tag: Tag) -> Option<f64> {
         _ => return None,
     };
     (value.is_finite() && value.abs() <= 40.0).then_some(value)
+}
+
+fn is_made_by(exif: &Exif, maker: &str) -> bool {
+    match exif.get_field(Tag::Make, In::PRIMARY).map(|field| &field.value) {
+        Some(Value::Ascii(texts)) => texts.iter().any(|text| text.starts_with(maker.as_bytes())),
+        _ => false,
+    }
 }
 
 fn uint(exif: &Exif, tag: Tag) -> Option<u32> {

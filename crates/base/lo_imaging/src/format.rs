@@ -26,6 +26,8 @@ pub enum Format {
     Pfm,
     /// NumPy array.
     Npy,
+    /// NumPy archive of arrays.
+    Npz,
 }
 
 impl Format {
@@ -42,6 +44,7 @@ impl Format {
             _ if starts(b"#?") => Self::Hdr,
             _ if starts(&[0x76, 0x2f, 0x31, 0x01]) => Self::Exr,
             _ if starts(b"\x93NUMPY") => Self::Npy,
+            _ if starts(b"PK\x03\x04") => Self::Npz,
             [b'P', b'F' | b'f', space, ..] if space.is_ascii_whitespace() => Self::Pfm,
             [b'P', b'1'..=b'7', space, ..] if space.is_ascii_whitespace() || *space == b'#' => Self::Pnm,
             _ => return None,
@@ -62,6 +65,7 @@ impl Format {
             "exr" => Self::Exr,
             "pfm" => Self::Pfm,
             "npy" => Self::Npy,
+            "npz" => Self::Npz,
             _ => return None,
         })
     }
@@ -86,6 +90,7 @@ impl fmt::Display for Format {
             Self::Exr => "OpenEXR",
             Self::Pfm => "PFM",
             Self::Npy => "NPY",
+            Self::Npz => "NPZ",
         })
     }
 }

@@ -3,6 +3,7 @@
 //! Radiance is linear, with Rec. 709 primaries, in relative units: 1.0 is the photo's white. Row 0 is the top row.
 
 mod atomic;
+mod bars;
 mod chromaticity;
 mod cmyk;
 mod color;
@@ -26,6 +27,7 @@ mod image;
 mod jpeg;
 mod main_light;
 mod npy;
+mod npz;
 mod partial_panorama;
 mod perspective;
 mod pfm;
@@ -33,6 +35,7 @@ mod photo;
 mod photo_file;
 mod photo_note;
 mod photo_tags;
+mod projection;
 mod raster;
 mod raster_decoder;
 mod read;
@@ -51,10 +54,12 @@ mod y4m_write;
 pub use crate::exif::{FocalLength, PhotoExposure};
 pub use crate::image::{DepthMap, Image, RadianceImage};
 pub use atomic::write_atomically;
+pub use bars::BlackBars;
 pub use color::{linear_from_srgb, linear_from_srgb8, luminance, srgb_from_linear, srgb8_from_linear};
 pub use color_profile::ColorProfile;
 pub use contact_sheet::{CONTACT_SHEET_BACKGROUND, contact_sheet, photo_tile};
 pub use cubemap::{Cubemap, cubemap_from_equirectangular, equirectangular_from_cubemap};
+pub use depth::DepthFile;
 pub use encoded_image::MAX_PIXELS;
 pub use encoded_photo::{EncodedPhoto, PhotoEncoding};
 pub use equirectangular::{
@@ -75,9 +80,11 @@ pub use perspective::{
 pub use photo::Photo;
 pub use photo_file::PhotoFile;
 pub use photo_note::PhotoNote;
+pub use projection::SpecialProjection;
 pub use read::{
-    depth_from_bytes, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth, read_exr_channels,
-    read_photo, read_radiance, read_rgba8, rgba8_from_bytes, size_from_bytes,
+    depth_from_bytes, exr_channels_from_bytes, inverse_depth_from_bytes, photo_from_bytes, radiance_from_bytes,
+    read_depth, read_depth_file, read_exr_channels, read_inverse_depth, read_photo, read_radiance, read_rgba8,
+    rgba8_from_bytes, size_from_bytes,
 };
 pub use resize::{resize, resize_depth};
 pub use sh::Sh9;

@@ -1,5 +1,6 @@
 use std::path::Path;
 
+use crate::depth::DepthFile;
 use crate::encoded_image::EncodedImage;
 use crate::exr_read::{self, ExrChannels};
 use crate::pfm::Pfm;
@@ -69,8 +70,9 @@ pub fn radiance_from_bytes(bytes: &[u8], name: &str) -> Result<RadianceImage, Im
 
 /// Reads depth in metres.
 ///
-/// Integers of 16-bit PNG, PGM, TIFF and NPY are divided by `units_per_metre` (default 1000). Floats of EXR (`Z`,
-/// `depth`, `Y`, `R`), PFM, TIFF and NPY are divided by `units_per_metre` (default 1).
+/// Integers of 16-bit PNG, PGM, TIFF, NPY and NPZ are divided by `units_per_metre` (default 1000). Floats of EXR (`Z`,
+/// `depth`, `Y`, `R`), PFM, TIFF, NPY and NPZ are divided by `units_per_metre` (default 1). Of an NPZ's arrays, the one
+/// named `depth`, or as other programs name it, is read.
 ///
 /// 0, negative values, NaN, ∞ and values from 100 km on mean "no reading" and become 0.
 ///
@@ -78,15 +80,41 @@ pub fn radiance_from_bytes(bytes: &[u8], name: &str) -> Result<RadianceImage, Im
 /// As for [`read_photo`]; also a scale that is not positive, and files with negative depths only, whose axis points the
 /// other way.
 pub fn read_depth(path: impl AsRef<Path>, units_per_metre: Option<f64>) -> Result<DepthMap, ImageError> {
+    read_depth_file(path, units_per_metre).map(|file| file.depth_m)
+}
+
+/// Like [`read_depth`], with the units of the file.
+pub fn read_depth_file(path: impl AsRef<Path>, units_per_metre: Option<f64>) -> Result<DepthFile, ImageError> {
     let (bytes, name) = read_file(path.as_ref())?;
-    depth_from_bytes(&bytes, &name, units_per_metre)
+    let source = open(&bytes, &name, DEPTH_FORMATS)?;
+    catch_decoder_panic(source, || depth::decode(source, units_per_metre))
 }
 
 /// Like [`read_depth`], from memory.
 pub fn depth_from_bytes(bytes: &[u8], name: &str, units_per_metre: Option<f64>) -> Result<DepthMap, ImageError> {
-    let source = open(bytes, name, "16-bit PNG, PGM, EXR, PFM, TIFF or NPY")?;
-    catch_decoder_panic(source, || depth::decode(source, units_per_metre))
+    let source = open(bytes, name, DEPTH_FORMATS)?;
+    catch_decoder_panic(source, || depth::decode(source, units_per_metre)).map(|file| file.depth_m)
 }
+
+/// Reads inverse depth or disparity in any unit and with any offset, as stored; larger is nearer.
+///
+/// Formats are those of [`read_depth`], also grey images of 8 bits. Values that are NaN or infinite become NaN.
+///
+/// # Errors
+/// As for [`read_photo`]; also colour images.
+pub fn read_inverse_depth(path: impl AsRef<Path>) -> Result<Image<f32>, ImageError> {
+    let (bytes, name) = read_file(path.as_ref())?;
+    inverse_depth_from_bytes(&bytes, &name)
+}
+
+/// Like [`read_inverse_depth`], from memory.
+pub fn inverse_depth_from_bytes(bytes: &[u8], name: &str) -> Result<Image<f32>, ImageError> {
+    let source = open(bytes, name, DEPTH_FORMATS)?;
+    catch_decoder_panic(source, || depth::decode_inverse(source))
+}
+
+/// Formats of depth, for errors.
+const DEPTH_FORMATS: &str = "16-bit PNG, PGM, EXR, PFM, TIFF, NPY or NPZ";
 
 /// Reads 8-bit RGBA (PNG, JPEG, WebP, TIFF, BMP, GIF, PNM) with straight alpha, 255 if the file has none.
 pub fn read_rgba8(path: impl AsRef<Path>) -> Result<Image<[u8; 4]>, ImageError> {

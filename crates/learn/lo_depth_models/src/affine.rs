@@ -36,19 +36,19 @@ pub struct Fit {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// Too few pixels have both depths.
-    #[error("only {0} of the sampled pixels have a depth from both the model and the built-in network")]
+    #[error("only {0} of the sampled pixels have a depth of both kinds")]
     TooFew(usize),
     /// The model's output is constant.
-    #[error("the model's output is the same at every pixel")]
+    #[error("relative depth is the same at every pixel")]
     Constant,
     /// The model's output increases with distance.
-    #[error("the model's output increases with distance, but inverse depth must decrease")]
+    #[error("its values increase with distance, but those of inverse depth must decrease")]
     Falls,
     /// One constant depth would fit as well.
-    #[error("the model's depth fits the built-in network's no better than a constant depth")]
+    #[error("it fits the built-in network's depth no better than a constant depth")]
     Unrelated,
     /// The depths do not agree.
-    #[error("the model's depth does not fit the built-in network's: {:.0} % of the pixels agree within 25 %", 100.0 * .agree)]
+    #[error("it does not fit the built-in network's depth: {:.0} % of the pixels agree within 25 %", 100.0 * .agree)]
     Poor {
         /// Share of the pixels whose depths agree within a ratio of 1.25.
         agree: f64,

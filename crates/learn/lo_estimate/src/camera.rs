@@ -1,5 +1,5 @@
 use lo_geometry::{Camera, CameraError};
-use lo_imaging::{Photo, PhotoFile};
+use lo_imaging::{BlackBars, Photo, PhotoFile};
 use lo_scene::{CameraSource, working_photo};
 
 use crate::Estimator;
@@ -13,25 +13,49 @@ impl Estimator {
     /// Determines the camera of a photo, in pixels of the photo, and reports its source.
     ///
     /// The focal length comes from EXIF, else from the networks' prediction, else from [`DEFAULT_HFOV_DEG`]. The
-    /// principal point is the photo's centre.
+    /// principal point is the photo's centre, or that of the picture between black bars.
     ///
     /// # Errors
     /// If the photo has no pixels.
     pub fn camera_of(&self, photo: &PhotoFile) -> Result<(Camera, CameraSource), CameraError> {
-        match photo.focal_px() {
-            Some(focal) => Ok((with_focal(&photo.photo, focal)?, CameraSource::Exif)),
-            None => self.camera_without_exif(&photo.photo),
-        }
+        let of_picture = |picture: &Photo| {
+            let focal = photo.focal.focal_px(picture.width() as u32, picture.height() as u32);
+            match focal {
+                Some(focal) => Ok((with_focal(picture, focal)?, CameraSource::Exif)),
+                None => self.camera_of_picture(picture),
+            }
+        };
+        between_bars(&photo.photo, of_picture)
     }
 
     /// Determines the camera of a photo without EXIF.
+    #[cfg(feature = "depth-models")]
     pub(crate) fn camera_without_exif(&self, photo: &Photo) -> Result<(Camera, CameraSource), CameraError> {
+        between_bars(photo, |picture| self.camera_of_picture(picture))
+    }
+
+    /// Determines the camera of a photo without EXIF and bars.
+    fn camera_of_picture(&self, photo: &Photo) -> Result<(Camera, CameraSource), CameraError> {
         let (width, height) = (photo.width() as u32, photo.height() as u32);
         let default = Camera::from_hfov_deg(DEFAULT_HFOV_DEG, width, height)?;
         let predicted = self.networks().and_then(|networks| networks.perspective(&working_photo(photo).srgb8(), None));
         let Some(predicted) = predicted else { return Ok((default, CameraSource::Default)) };
         let focal = 0.5 * f64::from(width.max(height)) / predicted.camera.half_extent;
         Ok((with_focal(photo, focal)?, CameraSource::Network { deviation_deg: predicted.fov_deviation_deg as f32 }))
+    }
+}
+
+/// Determines the camera of a photo from the picture between its black bars.
+fn between_bars(
+    photo: &Photo,
+    camera_of: impl FnOnce(&Photo) -> Result<(Camera, CameraSource), CameraError>,
+) -> Result<(Camera, CameraSource), CameraError> {
+    match BlackBars::of(photo) {
+        None => camera_of(photo),
+        Some(bars) => {
+            let (camera, source) = camera_of(&bars.cropped(photo))?;
+            Ok((bars.camera_of_photo(&camera), source))
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use lo_depth_models::affine::{Fit, fit_inverse, fit_log, metres_of_inverse, metr
 use lo_depth_models::{DepthModel, Geometry};
 use lo_events::{OnEvent, stage, warn};
 use lo_geometry::Camera;
-use lo_imaging::{DepthMap, Photo, resize_depth};
+use lo_imaging::{DepthMap, Image, Photo, resize_depth};
 use lo_scene::{CameraSource, Frame, working_photo};
 
 use crate::{EstimateError, EstimateWarning, Estimator, PredictedDepth, stages};
@@ -55,12 +55,7 @@ impl Estimator {
         };
         let depth_m = match predicted.geometry {
             Geometry::Metric(depth_m) => depth_m,
-            Geometry::AffineInverse(inverse) => {
-                let own_m = self.own_depth(&photo, &camera, on_event)?;
-                let fit = fit_inverse(&inverse, &own_m)?;
-                warn(on_event, fit_warning(&fit))?;
-                metres_of_inverse(&inverse, &fit)
-            }
+            Geometry::AffineInverse(inverse) => self.metres_from_inverse(&inverse, &photo, &camera, on_event)?,
             Geometry::Log(log) => {
                 let own_m = self.own_depth(&photo, &camera, on_event)?;
                 let fit = fit_log(&log, &own_m)?;
@@ -73,9 +68,34 @@ impl Estimator {
         Ok((PredictedDepth { frame, normals: predicted.normals, model: Some(model.name()) }, source))
     }
 
+    /// Converts inverse depth of any scale and offset to metres, by a fit to the own network's depth.
+    pub(crate) fn depth_from_inverse(
+        &self,
+        photo: Photo,
+        camera: Camera,
+        inverse: &Image<f32>,
+        on_event: OnEvent<'_>,
+    ) -> Result<PredictedDepth, EstimateError> {
+        let depth_m = self.metres_from_inverse(inverse, &photo, &camera, on_event)?;
+        Ok(Frame::new(photo, depth_m, camera, 1.0)?.into())
+    }
+
+    fn metres_from_inverse(
+        &self,
+        inverse: &Image<f32>,
+        photo: &Photo,
+        camera: &Camera,
+        on_event: OnEvent<'_>,
+    ) -> Result<DepthMap, EstimateError> {
+        let own_m = self.own_depth(photo, camera, on_event)?;
+        let fit = fit_inverse(inverse, &own_m)?;
+        warn(on_event, fit_warning(&fit))?;
+        Ok(metres_of_inverse(inverse, &fit))
+    }
+
     /// Predicts depth in metres by the estimator's own network.
     fn own_depth(&self, photo: &Photo, camera: &Camera, on_event: OnEvent<'_>) -> Result<DepthMap, EstimateError> {
-        let networks = self.networks().ok_or(EstimateError::NoNetworks("a depth model of relative depth"))?;
+        let networks = self.networks().ok_or(EstimateError::NoNetworks("relative or inverse depth"))?;
         let small = stage(on_event, stages::WORKING_RESOLUTION, || working_photo(photo))?;
         let depth_m =
             stage(on_event, stages::DEPTH_AND_GLOBAL_LIGHT, || networks.predict(&small.srgb8(), camera).depth_m)?;

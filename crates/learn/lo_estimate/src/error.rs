@@ -1,8 +1,9 @@
 use lo_completion::{ApplyPanoramaError, PanoramaError};
 use lo_events::Cancelled;
+use lo_imaging::SpecialProjection;
 use lo_nets::light::LightError;
 use lo_octree::OctreeError;
-use lo_scene::FrameError;
+use lo_scene::{FrameError, UndistortionError};
 
 /// An error that prevents an estimate.
 #[derive(Debug, thiserror::Error)]
@@ -63,10 +64,36 @@ pub enum EstimateError {
     /// The panorama cannot be applied to the room.
     #[error(transparent)]
     ApplyPanorama(#[from] ApplyPanoramaError),
+    /// No pinhole camera takes such a photo.
+    #[error("{}", projection_text(.0))]
+    Projection(SpecialProjection),
+    /// The lens distortion cannot be undone.
+    #[error(transparent)]
+    Undistortion(#[from] UndistortionError),
     /// The event handler cancelled the job.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// The light network failed.
     #[error(transparent)]
     Light(#[from] LightError),
+}
+
+fn projection_text(projection: &SpecialProjection) -> &'static str {
+    match projection {
+        SpecialProjection::Equirectangular => {
+            "the photo is an equirectangular panorama (2:1, its sides join): give an ordinary photo of the room, and the \
+             panorama beside it"
+        }
+        SpecialProjection::Panorama => {
+            "the photo is a panorama of a turning camera (one side is more than three times the other): crop it to a part \
+             of at most 90 degrees and give its field of view"
+        }
+        SpecialProjection::Fisheye => {
+            "the photo is that of a circular fisheye (a disc in black): convert it to a rectilinear photo first"
+        }
+        SpecialProjection::DualFisheye => {
+            "the photo is the raw image of a 360-degree camera (two discs in black): have its program stitch it to an \
+             equirectangular panorama, and give that beside an ordinary photo of the room"
+        }
+    }
 }

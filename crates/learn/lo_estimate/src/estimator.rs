@@ -8,6 +8,7 @@ use lo_octree::check_depths;
 use lo_scene::{Completion, Estimate, EstimateOrigin, ExpectedLight, Frame};
 
 use crate::completed_room::{CompletedRoom, by_network, by_shell, observed_only};
+use crate::framed::FramedPhoto;
 use crate::panorama::apply_prior;
 use crate::prepared_input::PreparedInput;
 use crate::{DEFAULT_OCTREE_DEPTH, EstimateError, EstimateOptions, Input};
@@ -56,7 +57,7 @@ impl Estimator {
     /// Estimates the room's radiance from one or several photos (`docs/method.md`).
     ///
     /// The world frame is the first camera's: metres, +X right, +Y up, −Z along the optical axis. Unclipped observed
-    /// radiance is kept as in the photo. The result is bit-identical for the same input, options and weights, on any
+    /// radiance is kept as in the photo. Black bars around a photo are left out of the estimate. The result is bit-identical for the same input, options and weights, on any
     /// number of threads.
     ///
     /// `on_event` receives stages, figures and warnings, and may cancel the job after each of them.
@@ -77,6 +78,7 @@ impl Estimator {
         on_event: OnEvent<'_>,
     ) -> Result<Estimate, EstimateError> {
         let (method, octree_depth) = self.plan(options)?;
+        let (input, framed) = FramedPhoto::unframe(input, on_event)?;
         let mut input = PreparedInput::new(input, self.networks(), on_event)?;
         let prior = options.panorama.as_ref();
         let found_up = match method {
@@ -112,6 +114,10 @@ impl Estimator {
             sources,
             predicted_depth,
             depth_model,
+        };
+        let frame = match framed {
+            Some(framed) => framed.frame(frame),
+            None => frame,
         };
         let observed = Estimate::observed_only(light, frame);
         Ok(Estimate { room, confidence, expected, panorama, other_photos, origin, ..observed })

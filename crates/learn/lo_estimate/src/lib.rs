@@ -11,6 +11,8 @@ mod depth_model;
 mod error;
 mod estimator;
 mod fitted_light;
+mod framed;
+mod given_depth;
 mod input;
 mod lighting;
 mod lighting_error;

@@ -9,6 +9,7 @@ use lo_imaging::{Image, Photo};
 use lo_nets::{GlobalLight, Networks, PhotoPrediction};
 use lo_scene::{Frame, ObservedPhoto, OtherPhoto, PosedFrame, Surfel, working_photo};
 
+use crate::given_depth::compare;
 use crate::photos::{AlignedPhotos, align_photos};
 use crate::{EstimateError, EstimateWarning, Exposures, Input, PredictedDepth, stages};
 
@@ -58,7 +59,7 @@ impl PreparedInput {
         let at_working = |normals| at_size(normals, working.depth_m.width(), working.depth_m.height());
         let working_normals = normals.as_ref().map(at_working);
         let others = Vec::new();
-        Ok(Self {
+        let mut prepared = Self {
             frame,
             working,
             others,
@@ -69,7 +70,22 @@ impl PreparedInput {
             predicted_normals: normals,
             normals: working_normals,
             observed: OnceLock::new(),
-        })
+        };
+        if let Some(networks) = networks.filter(|_| prepared.model.is_none()) {
+            prepared.compare_depth(networks, on_event)?;
+        }
+        Ok(prepared)
+    }
+
+    /// Compares given depth with the own network's, and warns if they contradict each other.
+    ///
+    /// The same pass of the network predicts global light and the camera's orientation, which are kept.
+    fn compare_depth(&mut self, networks: &Networks, on_event: OnEvent<'_>) -> Result<(), EstimateError> {
+        let predict = || networks.predict(&self.working.photo.srgb8(), &self.frame.camera);
+        let PhotoPrediction { depth_m, light, perspective } = stage(on_event, stages::DEPTH_AND_GLOBAL_LIGHT, predict)?;
+        (self.global, self.perspective) = (Some(light), perspective);
+        compare(&self.working.depth_m, &depth_m).into_iter().try_for_each(|warning| warn(on_event, warning))?;
+        Ok(())
     }
 
     /// Returns all photos at working resolution.

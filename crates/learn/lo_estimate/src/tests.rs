@@ -1,6 +1,7 @@
 //! `Estimator::estimate`, with untrained networks and without networks.
 #![allow(clippy::unwrap_used)]
 
+mod given_input;
 mod photos;
 
 use std::ops::ControlFlow;

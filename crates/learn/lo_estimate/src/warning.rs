@@ -1,7 +1,7 @@
 use std::fmt;
 
 use lo_events::Warning;
-use lo_imaging::PhotoNote;
+use lo_imaging::{BlackBars, PhotoNote};
 
 /// Warnings of an estimate about its input.
 ///
@@ -14,9 +14,9 @@ pub enum EstimateWarning {
     PhotoFile(PhotoNote),
     /// Depth is predicted from the photo alone: distances, sizes and the up direction are uncertain.
     PredictedDepth,
-    /// A depth model returned relative depth, which was fitted to the metric depth of the built-in depth network.
+    /// Depth of a depth model or of a file is relative; it was fitted to the metric depth of the built-in depth network.
     FittedDepth {
-        /// `a` of `1 / z = a · d + b`; 1 if the model returns the logarithm of depth.
+        /// `a` of `1 / z = a · d + b`; 1 if it is the logarithm of depth.
         scale: f64,
         /// `b`.
         offset: f64,
@@ -24,6 +24,31 @@ pub enum EstimateWarning {
         agree: f64,
         /// Median ratio of the two depths, minus 1.
         median_error: f64,
+    },
+    /// Given depth decreases where the built-in network's increases: it seems to be inverse depth or disparity.
+    InverseDepth {
+        /// Spearman's rank correlation of the two depths.
+        rank_correlation: f64,
+    },
+    /// Given depth is much larger or smaller than the built-in network's: its scale seems wrong.
+    DepthScale {
+        /// Median ratio of given depth to the built-in network's.
+        ratio: f64,
+    },
+    /// Black bars around the photo were left out of the estimate.
+    BlackBars {
+        /// The bars, in pixels of the photo.
+        bars: BlackBars,
+    },
+    /// The photo is so wide or high that it may be a stitched panorama; it was taken for that of a pinhole camera.
+    WidePhoto {
+        /// Ratio of the longer to the shorter side.
+        aspect: f64,
+    },
+    /// Lens distortion was undone: the scene has the undistorted photo.
+    Undistorted {
+        /// Horizontal field of view of the undistorted photo, in degrees.
+        hfov_deg: f64,
     },
     /// Points outside the octree's cube were discarded.
     OutsideCube {
@@ -58,11 +83,45 @@ impl fmt::Display for EstimateWarning {
             ),
             Self::FittedDepth { scale, offset, agree, median_error } => write!(
                 f,
-                "the depth model returns relative depth; it was fitted to the metric depth of the built-in network by \
-                 1/z = {scale:.4} d {offset:+.4}: {:.0} % of the pixels agree within a ratio of 1.25, the median \
+                "depth is relative; it was fitted to the metric depth of the built-in network by \
+                 1/z = {scale:.3e} d {offset:+.3e}: {:.0} % of the pixels agree within a ratio of 1.25, the median \
                  difference is {:.0} %",
                 100.0 * agree,
                 100.0 * median_error
+            ),
+            Self::InverseDepth { rank_correlation } => write!(
+                f,
+                "the depth map looks like inverse depth: where the photo shows near surfaces, its values are large (rank \
+                 correlation {rank_correlation:.2} with the built-in network's depth)"
+            ),
+            Self::DepthScale { ratio } if *ratio > 1.0 => write!(
+                f,
+                "the depth map is {} times as far as the built-in network's depth: scale?",
+                two_digits(*ratio)
+            ),
+            Self::DepthScale { ratio } => write!(
+                f,
+                "the depth map is {} times as near as the built-in network's depth: scale?",
+                two_digits(ratio.recip())
+            ),
+            Self::BlackBars { bars: BlackBars { left, top, right, bottom } } => {
+                let sides = [("left", left), ("top", top), ("right", right), ("bottom", bottom)];
+                let sides: Vec<String> = sides
+                    .iter()
+                    .filter(|(_, pixels)| **pixels > 0)
+                    .map(|(side, pixels)| format!("{pixels} pixels at the {side}"))
+                    .collect();
+                write!(f, "black bars around the picture are left out of the estimate: {}", sides.join(", "))
+            }
+            Self::WidePhoto { aspect } => write!(
+                f,
+                "one side of the photo is {aspect:.1} times the other: if it is a panorama stitched by a phone, crop it \
+                 to a part of at most 90°; it is taken for the photo of a pinhole camera"
+            ),
+            Self::Undistorted { hfov_deg } => write!(
+                f,
+                "lens distortion is undone: the scene's photo, and composites with it, are undistorted, with a \
+                 horizontal field of view of {hfov_deg:.1}°"
             ),
             Self::OutsideCube { outside, points } => {
                 write!(f, "{outside} of {points} points are outside the octree's cube and were discarded")
@@ -93,6 +152,11 @@ impl fmt::Display for EstimateWarning {
             },
         }
     }
+}
+
+/// Formats a factor from 1 on with two significant digits.
+fn two_digits(factor: f64) -> String {
+    if factor < 10.0 { format!("{factor:.1}") } else { format!("{factor:.0}") }
 }
 
 #[cfg(test)]

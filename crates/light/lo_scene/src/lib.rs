@@ -82,6 +82,7 @@ mod resample;
 mod room;
 mod scene_objects;
 mod surfel;
+mod undistortion;
 
 pub use camera_source::CameraSource;
 pub use document_file::{FORMAT_VERSION, SceneFile};
@@ -108,3 +109,4 @@ pub use scene_objects::{
     MAX_FPS, MAX_FRAMES, MAX_OBJECT_FILES, MAX_OBJECT_LAYOUT, MAX_TIME_S, ObjectDisplay, SceneObjects,
 };
 pub use surfel::Surfel;
+pub use undistortion::{Undistortion, UndistortionError};

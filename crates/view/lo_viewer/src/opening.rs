@@ -129,7 +129,7 @@ fn estimate(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, Stri
         }
     };
     let ResolvedPhoto { input, camera_source, .. } = estimator
-        .resolve(PhotoRequest { photo, camera, depth }, on_event)
+        .resolve(PhotoRequest { photo, camera, distortion: None, depth }, on_event)
         .map_err(|error| format!("{name}{with}: {error}"))?;
     let panorama = panorama
         .map(|NamedFile { name, bytes }| {

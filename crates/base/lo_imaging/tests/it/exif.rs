@@ -103,6 +103,54 @@ fn focal_lengths_give_the_angle_of_the_lens() {
 }
 
 #[test]
+fn a_photo_of_another_aspect_is_a_crop() {
+    // 26 mm on film, and a focal plane of 100 pixels per mm behind 4.8 mm: both 480 pixels of an original of 640 × 480
+    let film = [(0xa405, 3, 26), (0xa002, 4, 640), (0xa003, 4, 480)];
+    let plane = [(0x920a, 5, 4_800), (0xa20e, 5, 100_000), (0xa210, 3, 4), (0xa002, 4, 640), (0xa003, 4, 480)];
+    for tags in [&film[..], &plane] {
+        let focal_px = |orientation: u16, width: u32, height: u32| {
+            read(&jpeg_with(&block(orientation, tags), width, height)).focal_px().unwrap()
+        };
+        // the 26 of the film are a rounding of 25.96; 0.2 %
+        let close = |focal: f64, expected: f64| (focal / expected - 1.0).abs() < 2e-3;
+        assert!(close(focal_px(1, 640, 480), 480.0) && close(focal_px(1, 64, 48), 48.0));
+        assert!(close(focal_px(6, 640, 480), 480.0));
+        // square, cinema and portrait crops, at the original's resolution and reduced
+        assert!(close(focal_px(1, 480, 480), 480.0) && close(focal_px(1, 240, 240), 240.0));
+        assert!(close(focal_px(1, 640, 270), 480.0) && close(focal_px(1, 320, 135), 240.0));
+        assert!(close(focal_px(1, 270, 480), 480.0) && close(focal_px(6, 480, 480), 480.0));
+        // a photo that was turned without its tags is no crop
+        assert!(close(focal_px(1, 480, 640), 480.0));
+    }
+    let square = read(&jpeg_with(&block(1, &film), 480, 480));
+    assert!(square.focal.is_cropped(480, 480) && !square.focal.is_cropped(320, 240));
+    assert!((square.hfov_deg().unwrap() - 53.1).abs() < 0.1);
+    if let Some(file) = lo_testdata::shared_data("inputs/square_crop_exif640.jpg", "lens of a real crop") {
+        assert!((lo_imaging::read_photo(file).unwrap().hfov_deg().unwrap() - 53.1).abs() < 0.1);
+    }
+}
+
+#[test]
+fn digital_zoom_lengthens_the_lens() {
+    let film = [(0xa405, 3, 50), (0xa404, 5, 2000)];
+    let dpi = (6000.0 / 36.0 * 25.4 * 1000.0) as u32;
+    let plane = [(0xa404, 5, 2000), (0x920a, 5, 50_000), (0xa002, 4, 6000), (0xa20e, 5, dpi), (0xa210, 3, 2)];
+    for tags in [&film[..], &plane] {
+        // 2 atan(18 / 100) = 20.41°
+        let photo = read(&jpeg_with(&block(1, tags), 120, 80));
+        assert!((photo.hfov_deg().unwrap() - 20.41).abs() < 0.01, "{:?}", photo.focal);
+    }
+    // iPhones' equivalent includes it; 0 and 1 mean none
+    let photo = read(&jpeg_with(&block(1, &film), 120, 80));
+    let apple = lo_imaging::FocalLength { equivalent_includes_zoom: true, ..photo.focal };
+    assert!((apple.hfov_deg(120, 80).unwrap() - 39.598).abs() < 0.01);
+    for zoom in [0, 1000] {
+        let photo = read(&jpeg_with(&block(1, &[(0xa405, 3, 50), (0xa404, 5, zoom)]), 120, 80));
+        assert!((photo.hfov_deg().unwrap() - 39.598).abs() < 0.01);
+    }
+}
+
+#[test]
 fn exposures_are_read_plainly_and_by_apex() {
     let exposure = |tags: &[(u16, u16, u32)]| read(&jpeg_with(&block(1, tags), 12, 8)).exposure;
     // 1/40 s, f/2.8, ISO 400

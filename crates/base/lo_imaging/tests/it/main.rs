@@ -4,5 +4,6 @@
 mod color;
 mod damaged;
 mod exif;
+mod numpy;
 mod real_files;
 mod round_trips;

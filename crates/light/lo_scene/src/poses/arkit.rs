@@ -48,5 +48,5 @@ pub(super) fn polycam(value: &Value, name: &str) -> Result<PoseFile, PoseError> 
 }
 
 fn upright(name: &str, format: PoseFormat, pose: Pose) -> PoseFile {
-    PoseFile { name: name.to_owned(), format, poses: vec![pose], world_up: Some(Vec3::Y), distorted: false }
+    PoseFile { name: name.to_owned(), format, poses: vec![pose], world_up: Some(Vec3::Y) }
 }

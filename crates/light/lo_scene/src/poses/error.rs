@@ -34,8 +34,10 @@ pub enum PoseError {
         /// Description of the error and its location.
         what: String,
     },
-    /// The cameras are not pinhole cameras.
-    #[error("{file}: its camera model is {model}; only pinhole cameras are supported")]
+    /// The camera model is not supported.
+    #[error(
+        "{file}: its camera model is {model}; supported are pinhole cameras, also with OpenCV's distortion or fisheye"
+    )]
     CameraModel {
         /// Name of the file.
         file: String,
@@ -130,6 +132,25 @@ pub enum PoseError {
         /// Largest accepted distance.
         most_m: f64,
     },
+    /// The format of a file with the lens of one photo is unknown.
+    #[error(
+        "{0}: unknown format of a lens; supported are Record3D's metadata.json, transforms.json, lightoctree's own poses, \
+         frames of 3D Scanner App and Polycam, and COLMAP's cameras.txt (lines of `CAMERA_ID MODEL WIDTH HEIGHT …`)"
+    )]
+    UnknownLens(String),
+    /// A file has several lenses and does not tell which is the photo's.
+    #[error("{file} has {lenses} different lenses, and none is {photo}'s by name")]
+    SeveralLenses {
+        /// Name of the file.
+        file: String,
+        /// Path of the photo.
+        photo: String,
+        /// Number of different lenses.
+        lenses: usize,
+    },
+    /// The file has no lens.
+    #[error("{0} has no intrinsics")]
+    NoLens(String),
     /// The intrinsics are for an image of another aspect ratio.
     #[error(
         "{file}: intrinsics for {} × {} pixels, but {photo} has {} × {}: was the photo rotated or cropped?",

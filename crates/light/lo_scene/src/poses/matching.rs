@@ -1,17 +1,14 @@
 use std::path::Path;
 
-use lo_geometry::{Camera, RigidTransform, Vec3};
+use lo_geometry::{Camera, Distortion, RigidTransform, Vec3};
 
-use super::{Lens, Pose, PoseError, PoseFile, PoseFormat};
+use super::{Pose, PoseError, PoseFile, PoseFormat};
 
 /// Largest difference in time of a photo and its pose, seconds: less than a frame of a video.
 const MAX_APART_S: f64 = 0.02;
 
 /// Largest distance of two cameras in one room, metres.
 const MAX_DISTANCE_M: f64 = 50.0;
-
-/// Largest difference in aspect ratio between a photo and the size in the file.
-const ASPECT_TOLERANCE: f64 = 0.01;
 
 /// Poses of several photos, one each.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,8 +19,6 @@ pub struct PhotoPoses {
     pub up: Option<Vec3>,
     /// Format of the files.
     pub format: PoseFormat,
-    /// Whether the files state a lens distortion.
-    pub distorted: bool,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -82,8 +77,7 @@ impl PhotoPoses {
         }
         let world_up = first.world_up.filter(|up| files.iter().all(|file| file.world_up == Some(*up)));
         let up = world_up.zip(matched.first()).map(|(up, first)| first.pose.camera_from_world(up));
-        let distorted = files.iter().any(|file| file.distorted);
-        Ok(Self { matched, up, format: first.format, distorted })
+        Ok(Self { matched, up, format: first.format })
     }
 
     /// Returns the transform from each camera's axes to those of the first camera.
@@ -99,21 +93,12 @@ impl PhotoPoses {
     /// If the intrinsics are for an image of another aspect ratio, or are invalid.
     pub fn camera(&self, index: usize, width: u32, height: u32) -> Result<Option<Camera>, PoseError> {
         let Matched { photo, file, pose } = &self.matched[index];
-        let camera = match pose.lens {
-            None => return Ok(None),
-            Some(Lens::HfovDeg(hfov_deg)) => Camera::from_hfov_deg(hfov_deg, width, height),
-            Some(Lens::Pixels { intrinsics: [fx, fy, cx, cy], size }) => {
-                let stated = size.unwrap_or((width, height));
-                let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
-                if (aspect(stated) / aspect((width, height))).ln().abs() > ASPECT_TOLERANCE {
-                    let (file, photo) = (file.clone(), photo.clone());
-                    return Err(PoseError::PictureSize { file, photo, stated, found: (width, height) });
-                }
-                Camera::new(fx, fy, cx, cy, stated.0, stated.1).map(|camera| camera.resized(width, height))
-            }
-        };
-        let (file, photo) = (file.clone(), photo.clone());
-        camera.map(Some).map_err(|source| PoseError::Camera { file, photo, source })
+        pose.lens.map(|lens| lens.camera(width, height, file, photo)).transpose()
+    }
+
+    /// Returns the lens distortion of photo `index`, if its file states one.
+    pub fn distortion(&self, index: usize) -> Option<Distortion> {
+        self.matched[index].pose.distortion
     }
 
     /// Returns the exposure of each photo relative to the first, in stops (+1 is twice as bright), if the file states
@@ -178,12 +163,12 @@ fn matched_in<'a>(file: &'a PoseFile, photos: &[impl AsRef<Path>]) -> Result<Vec
     }
 }
 
-fn stem(photo: &Path) -> Option<&str> {
+pub(super) fn stem(photo: &Path) -> Option<&str> {
     photo.file_stem()?.to_str()
 }
 
 /// Returns the pose whose file path shares the longest end with the photo's, at least the file name.
-fn by_name<'a>(file: &'a PoseFile, photo: &Path) -> Result<&'a Pose, PoseError> {
+pub(super) fn by_name<'a>(file: &'a PoseFile, photo: &Path) -> Result<&'a Pose, PoseError> {
     let parts: Vec<String> = photo.iter().rev().map(|part| part.to_string_lossy().into_owned()).collect();
     let name = parts.first().map_or("", String::as_str);
     let shared = |pose: &Pose| {

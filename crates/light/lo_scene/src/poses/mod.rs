@@ -12,10 +12,13 @@
 //! | NeRF `transforms.json` | `frames` | ours (OpenGL) | `file_path` |
 //! | TUM trajectory | lines of eight numbers | OpenCV | time stamps in the photos' names, within 20 ms; else order |
 //!
-//! [`PhotoPoses::read`] reads and matches.
+//! [`PhotoPoses::read`] reads and matches. [`PhotoLens::read`] takes the lens of a single photo from such a file, or from
+//! COLMAP's `cameras.txt`.
 
 mod arkit;
+mod colmap;
 mod error;
+mod lens_file;
 mod matching;
 mod nerf;
 mod own;
@@ -29,6 +32,7 @@ mod tum;
 mod values;
 
 pub use error::PoseError;
+pub use lens_file::PhotoLens;
 pub use matching::PhotoPoses;
 pub use pose::{Lens, Pose};
 pub use pose_file::{PoseFile, PoseFormat};

@@ -4,7 +4,7 @@
 //! or for each. Its up axis and unit are not standardised; metres are assumed. nerfstudio's `applied_scale` is
 //! undone.
 
-use lo_geometry::DVec3;
+use lo_geometry::{DVec3, Distortion};
 use serde_json::Value;
 
 use super::pose::Axes;
@@ -20,31 +20,47 @@ pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
             .filter(|scale| scale.is_finite() && *scale > 0.0)
             .ok_or_else(|| content(name, "`applied_scale` is not a positive number"))?,
     };
-    let mut distorted = false;
     let mut poses = Vec::with_capacity(frames.len());
     for (index, frame) in frames.iter().enumerate() {
         let file = frame.get("file_path").and_then(Value::as_str);
         let file = file.ok_or_else(|| content(name, format!("frame {index} has no `file_path`")))?;
         let of = |key: &str| frame.get(key).or_else(|| value.get(key));
-        if let Some(model) = of("camera_model").and_then(Value::as_str)
-            && !matches!(model, "OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "PERSPECTIVE")
-        {
-            return Err(PoseError::CameraModel { file: name.to_owned(), model: model.to_owned() });
-        }
-        let coefficients = ["k1", "k2", "k3", "k4", "p1", "p2"];
-        distorted |= coefficients.iter().filter_map(|key| number(of(key)?)).any(|k| k != 0.0);
         let rows = frame.get("transform_matrix").and_then(numbers);
         let rows = rows.ok_or_else(|| content(name, format!("{file}: `transform_matrix` is not a 4 × 4 matrix")))?;
         let mut pose = Pose::from_rows(&rows, Axes::OpenGl, name, file)?;
         pose.position_m = checked_position(pose.position_m / DVec3::splat(scale), name, file)?;
         pose.file = Some(file.to_owned());
         pose.lens = lens(&of, name)?;
+        pose.distortion = distortion(&of, name)?;
         poses.push(pose);
     }
-    Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Nerf, poses, world_up: None, distorted })
+    Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Nerf, poses, world_up: None })
 }
 
-fn lens<'a>(of: &impl Fn(&str) -> Option<&'a Value>, name: &str) -> Result<Option<Lens>, PoseError> {
+pub(super) fn distortion<'a>(
+    of: &impl Fn(&str) -> Option<&'a Value>,
+    name: &str,
+) -> Result<Option<Distortion>, PoseError> {
+    let coefficient = |key: &str| match of(key) {
+        None => Ok(0.0),
+        Some(value) => number(value).ok_or_else(|| content(name, format!("`{key}` is not a number"))),
+    };
+    let [k1, k2, k3, k4, p1, p2] = ["k1", "k2", "k3", "k4", "p1", "p2"].map(coefficient);
+    let model = of("camera_model").and_then(Value::as_str).unwrap_or("OPENCV");
+    let is_fisheye = of("is_fisheye").and_then(Value::as_bool).unwrap_or(false);
+    let distortion = match model {
+        "OPENCV_FISHEYE" => Distortion::Fisheye([k1?, k2?, k3?, k4?]),
+        _ if is_fisheye => Distortion::Fisheye([k1?, k2?, k3?, k4?]),
+        // nerfstudio's k4 continues the polynomial; OpenCV's is another coefficient. Neither is ever set in practice.
+        "OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "PERSPECTIVE" | "SIMPLE_RADIAL" | "RADIAL" => {
+            Distortion::brown(&[k1?, k2?, p1?, p2?, k3?])
+        }
+        _ => return Err(PoseError::CameraModel { file: name.to_owned(), model: model.to_owned() }),
+    };
+    Ok((!distortion.is_identity()).then_some(distortion))
+}
+
+pub(super) fn lens<'a>(of: &impl Fn(&str) -> Option<&'a Value>, name: &str) -> Result<Option<Lens>, PoseError> {
     let figure = |key: &str| match of(key) {
         None => Ok(None),
         Some(value) => number(value).map(Some).ok_or_else(|| content(name, format!("`{key}` is not a number"))),

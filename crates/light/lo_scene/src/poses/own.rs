@@ -97,5 +97,5 @@ pub(super) fn read(value: Value, name: &str) -> Result<PoseFile, PoseError> {
     if poses.iter().any(|pose| pose.exposure_ev.is_some()) && poses.iter().any(|pose| pose.exposure_ev.is_none()) {
         return Err(content(name, "`exposure_ev` is set for some photos but not for all"));
     }
-    Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Own, poses, world_up, distorted: false })
+    Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Own, poses, world_up })
 }

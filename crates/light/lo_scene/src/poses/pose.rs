@@ -1,4 +1,4 @@
-use lo_geometry::{DMat3, DQuat, DVec3, RigidTransform};
+use lo_geometry::{Camera, DMat3, DQuat, DVec3, Distortion, RigidTransform};
 
 use super::error::PoseError;
 use super::values::checked_position;
@@ -19,6 +19,8 @@ pub struct Pose {
     pub position_m: DVec3,
     /// Intrinsics, if given.
     pub lens: Option<Lens>,
+    /// Distortion of the lens, if given and not zero.
+    pub distortion: Option<Distortion>,
     /// Exposure relative to the other photos, stops; +1 is twice as bright.
     pub exposure_ev: Option<f64>,
 }
@@ -35,6 +37,33 @@ pub enum Lens {
     },
     /// Horizontal field of view in degrees, for a centred lens with square pixels.
     HfovDeg(f64),
+}
+
+/// Largest difference in aspect ratio between a photo and the size in the file.
+const ASPECT_TOLERANCE: f64 = 0.01;
+
+impl Lens {
+    /// Returns the camera of a photo of this size. `file` and `photo` are names for errors.
+    ///
+    /// # Errors
+    /// If the intrinsics are for an image of another aspect ratio, or are invalid.
+    pub fn camera(&self, width: u32, height: u32, file: &str, photo: &str) -> Result<Camera, PoseError> {
+        let names = || (file.to_owned(), photo.to_owned());
+        let camera = match *self {
+            Self::HfovDeg(hfov_deg) => Camera::from_hfov_deg(hfov_deg, width, height),
+            Self::Pixels { intrinsics: [fx, fy, cx, cy], size } => {
+                let stated = size.unwrap_or((width, height));
+                let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
+                if (aspect(stated) / aspect((width, height))).ln().abs() > ASPECT_TOLERANCE {
+                    let (file, photo) = names();
+                    return Err(PoseError::PictureSize { file, photo, stated, found: (width, height) });
+                }
+                Camera::new(fx, fy, cx, cy, stated.0, stated.1).map(|camera| camera.resized(width, height))
+            }
+        };
+        let (file, photo) = names();
+        camera.map_err(|source| PoseError::Camera { file, photo, source })
+    }
 }
 
 /// Convention of a camera's axes.
@@ -117,7 +146,7 @@ impl Pose {
         }
         let rotation = DMat3::from_quat(DQuat::from_mat3(&matrix).normalize());
         let rotation = axes.turned(rotation);
-        Ok(Self { file: None, time_s: None, rotation, position_m, lens: None, exposure_ev: None })
+        Ok(Self { file: None, time_s: None, rotation, position_m, lens: None, distortion: None, exposure_ev: None })
     }
 
     /// Returns the transform from another camera's axes to this one's.

@@ -45,6 +45,4 @@ pub struct PoseFile {
     pub poses: Vec<Pose>,
     /// Unit vector against gravity in the world of the poses, if the format states it.
     pub world_up: Option<Vec3>,
-    /// Whether the file states a lens distortion; it is not corrected.
-    pub distorted: bool,
 }

@@ -17,16 +17,8 @@ impl PoseFile {
     /// # Errors
     /// If the file cannot be read, naming the path, and all errors of [`PoseFile::from_bytes`].
     pub fn read(path: &Path) -> Result<Self, PoseError> {
-        let name = path.display().to_string();
-        let io = |source| PoseError::Read { path: name.clone(), source };
-        let file = std::fs::File::open(path).map_err(io)?;
-        let length = file.metadata().map_err(io)?.len();
-        if length > MAX_FILE_BYTES {
-            return Err(PoseError::TooLarge { file: name, bytes: length, most: MAX_FILE_BYTES });
-        }
-        let mut bytes = Vec::with_capacity(length as usize);
-        file.take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(io)?;
-        Self::from_bytes(&bytes, &name)
+        let (text, name) = read_text(path, PoseError::Unknown)?;
+        Self::from_bytes(text.as_bytes(), &name)
     }
 
     /// Parses a pose file; `name` appears in errors.
@@ -56,4 +48,20 @@ impl PoseFile {
         }
         Ok(file)
     }
+}
+
+/// Reads a text file without its byte order mark, and returns its path for messages. `unknown` makes the error of files
+/// that are not text.
+pub(super) fn read_text(path: &Path, unknown: fn(String) -> PoseError) -> Result<(String, String), PoseError> {
+    let name = path.display().to_string();
+    let io = |source| PoseError::Read { path: name.clone(), source };
+    let file = std::fs::File::open(path).map_err(io)?;
+    let length = file.metadata().map_err(io)?.len();
+    if length > MAX_FILE_BYTES {
+        return Err(PoseError::TooLarge { file: name, bytes: length, most: MAX_FILE_BYTES });
+    }
+    let mut bytes = Vec::with_capacity(length as usize);
+    file.take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(io)?;
+    let text = String::from_utf8(bytes).map_err(|_| unknown(name.clone()))?;
+    Ok((text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text), name))
 }

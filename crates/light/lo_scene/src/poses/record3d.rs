@@ -14,15 +14,7 @@ use super::{Lens, Pose, PoseError, PoseFile, PoseFormat};
 
 pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
     let rows = value["poses"].as_array().ok_or_else(|| content(name, "`poses` is not an array"))?;
-    let size = ["w", "h"].map(|key| value.get(key).and_then(number));
-    let size = match size {
-        [Some(w), Some(h)] => Some(whole_size(w, h).ok_or_else(|| content(name, format!("invalid size {w} × {h}")))?),
-        _ => None,
-    };
-    let common = value
-        .get("K")
-        .map(|k| intrinsics_of_k(k).ok_or_else(|| content(name, "`K` is not a 3 × 3 matrix")))
-        .transpose()?;
+    let common = lens(value, name)?;
     let own = match value.get("perFrameIntrinsicCoeffs") {
         None | Some(Value::Null) => None,
         Some(rows) => {
@@ -40,17 +32,35 @@ pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
             return Err(content(name, format!("the pose of {label} is not seven numbers")));
         };
         let mut pose = Pose::from_quaternion([x, y, z, w], DVec3::new(tx, ty, tz), Axes::OpenGl, name, &label)?;
-        let intrinsics = match own {
+        pose.lens = match own {
             Some(own) => match numbers(&own[index]).as_deref() {
-                Some(&[fx, fy, cx, cy]) => Some([fx, fy, cx, cy]),
+                Some(&[fx, fy, cx, cy]) => {
+                    Some(Lens::Pixels { intrinsics: [fx, fy, cx, cy], size: size(value, name)? })
+                }
                 _ => return Err(content(name, format!("the intrinsics of {label} are not four numbers"))),
             },
             None => common,
         };
-        pose.lens = intrinsics.map(|intrinsics| Lens::Pixels { intrinsics, size });
         poses.push(pose);
     }
-    Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Record3d, poses, world_up: None, distorted: false })
+    Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Record3d, poses, world_up: None })
+}
+
+/// Reads the lens of all frames, if the file states it.
+pub(super) fn lens(value: &Value, name: &str) -> Result<Option<Lens>, PoseError> {
+    let Some(k) = value.get("K") else { return Ok(None) };
+    let intrinsics = intrinsics_of_k(k).ok_or_else(|| content(name, "`K` is not a 3 × 3 matrix"))?;
+    Ok(Some(Lens::Pixels { intrinsics, size: size(value, name)? }))
+}
+
+/// Reads the size of the images.
+fn size(value: &Value, name: &str) -> Result<Option<(u32, u32)>, PoseError> {
+    match ["w", "h"].map(|key| value.get(key).and_then(number)) {
+        [Some(w), Some(h)] => {
+            whole_size(w, h).map(Some).ok_or_else(|| content(name, format!("invalid size {w} × {h}")))
+        }
+        _ => Ok(None),
+    }
 }
 
 /// Reads `fx fy cx cy` from a column-major matrix; a row-major one is recognised by its zeros.

@@ -110,7 +110,8 @@ fn all_formats_tell_of_the_same_cameras() {
         assert!((rotation * Vec3::Y - Vec3::Y).length() < 1e-5, "{format}: {rotation}");
         assert_eq!(poses.up.is_some(), *upright, "{format}");
         assert!(poses.up.is_none_or(|up| (up - Vec3::Y).length() < 1e-6), "{format}");
-        assert_eq!(poses.distorted, format.starts_with("NeRF"));
+        let distortion = format.starts_with("NeRF").then(|| lo_geometry::Distortion::brown(&[0.01]));
+        assert_eq!((poses.distortion(0), poses.distortion(1)), (distortion, distortion), "{format}");
     }
 }
 
@@ -195,8 +196,12 @@ fn what_is_no_pose_is_named() {
             "by the number in the photo's name, such as",
         ),
         (
-            refusal(&[r#"{"camera_model": "OPENCV_FISHEYE", "frames": [{"file_path": "a.jpg"}]}"#], &PHOTOS),
-            "camera model is OPENCV_FISHEYE",
+            refusal(
+                &[r#"{"camera_model": "EQUIRECTANGULAR", "frames": [{"file_path": "a.jpg", "transform_matrix":
+                    [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]}"#],
+                &PHOTOS,
+            ),
+            "camera model is EQUIRECTANGULAR",
         ),
         (
             refusal(&[r#"{"cameraPoseARFrame": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}"#], &PHOTOS),

@@ -34,5 +34,5 @@ pub(super) fn read(text: &str, name: &str) -> Result<PoseFile, PoseError> {
     if poses.is_empty() {
         return Err(PoseError::Unknown(name.to_owned()));
     }
-    Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Tum, poses, world_up: None, distorted: false })
+    Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Tum, poses, world_up: None })
 }

@@ -1,0 +1,365 @@
+//! Black bars around a picture: letterbox, pillarbox, and screenshots with rounded corners.
+
+use lo_geometry::Camera;
+
+use crate::{EncodedPhoto, GainMap, Image, Photo, PhotoEncoding, RadianceImage, srgb8_from_linear};
+
+/// Largest sRGB value of black: video black is 16, and compression adds noise.
+const BLACK: u8 = 28;
+
+/// Smallest share of black pixels in a row of a bar. The others may be a clock or buttons.
+const BAR_SHARE: f32 = 0.85;
+
+/// Smallest share of pixels within ± 2 of the median of a bar. Dark photos have more noise.
+const EVEN_SHARE: f32 = 0.95;
+
+/// Smallest share of pixels at the picture's edge that are brighter than the bar, of one bar and of two opposite ones.
+const EDGE_SHARE: [f32; 2] = [0.97, 0.4];
+
+/// Most rows after a bar in which its edge must be, a block of JPEG's, and share of all rows.
+const EDGE_ROWS: usize = 9;
+const EDGE_ROWS_SHARE: usize = 50;
+
+/// Smallest share of the image's area that the picture has.
+const MIN_AREA: f64 = 0.2;
+
+/// Largest size of rounded corners along the diagonal, as a share of the picture's shorter side.
+const MAX_CORNER: f64 = 0.08;
+
+/// Widths of the black bars around a picture, in pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BlackBars {
+    /// Columns at the left.
+    pub left: usize,
+    /// Rows at the top.
+    pub top: usize,
+    /// Columns at the right.
+    pub right: usize,
+    /// Rows at the bottom.
+    pub bottom: usize,
+}
+
+impl BlackBars {
+    /// Finds the black bars of a photo; `None` if there are none.
+    ///
+    /// A bar is evenly black and ends at a straight edge. Rounded corners of the picture count as bars, so that the
+    /// picture is a rectangle.
+    pub fn of(photo: &Photo) -> Option<Self> {
+        let values = brightest(photo);
+        let rows = [false, true].map(|from_end| bar(&values, from_end));
+        // A row of letterbox has no column of pillarbox.
+        let turned = Image::from_fn(values.height(), values.width(), |x, y| values[(y, x)]);
+        let columns = [false, true].map(|from_end| bar(&turned, from_end));
+        let [top, bottom] = kept(rows);
+        let [left, right] = kept(columns);
+        let bars = Self { left, top, right, bottom }.without_corners(&values);
+        let (width, height) = (values.width(), values.height());
+        let area = bars.inner_width(width)? as f64 * bars.inner_height(height)? as f64;
+        (bars != Self::default() && area >= MIN_AREA * (width * height) as f64).then_some(bars)
+    }
+
+    /// Width of the picture in an image of this width.
+    fn inner_width(&self, width: usize) -> Option<usize> {
+        width.checked_sub(self.left + self.right).filter(|width| *width > 0)
+    }
+
+    /// Height of the picture in an image of this height.
+    fn inner_height(&self, height: usize) -> Option<usize> {
+        height.checked_sub(self.top + self.bottom).filter(|height| *height > 0)
+    }
+
+    /// Returns the camera of the picture from that of the photo; `None` if its principal point is in a bar.
+    pub fn camera_of_picture(&self, photo: &Camera) -> Option<Camera> {
+        let inner = |size: u32, bars: usize| size.checked_sub(bars as u32);
+        let width = inner(photo.width, self.left + self.right)?;
+        let height = inner(photo.height, self.top + self.bottom)?;
+        Camera::new(photo.fx, photo.fy, photo.cx - self.left as f64, photo.cy - self.top as f64, width, height).ok()
+    }
+
+    /// Returns the camera of the photo from that of the picture.
+    pub fn camera_of_photo(&self, picture: &Camera) -> Camera {
+        let (cx, cy) = (picture.cx + self.left as f64, picture.cy + self.top as f64);
+        let width = picture.width + (self.left + self.right) as u32;
+        let height = picture.height + (self.top + self.bottom) as u32;
+        Camera { cx, cy, width, height, ..*picture }
+    }
+
+    /// Returns the picture without the bars.
+    ///
+    /// # Panics
+    /// If the photo is not larger than the bars.
+    pub fn cropped(&self, photo: &Photo) -> Photo {
+        match photo {
+            Photo::Srgb8(image) => Photo::Srgb8(self.crop(image)),
+            Photo::Encoded8(EncodedPhoto { image, encoding }) => {
+                let PhotoEncoding { profile, gain_map, exif, xmp } = &**encoding;
+                let size = [image.width(), image.height()];
+                let gain_map = gain_map.as_ref().map(|map| self.crop_gain_map(map, size));
+                let (profile, exif, xmp) = (profile.clone(), exif.clone(), xmp.clone());
+                Photo::encoded8(self.crop(image), PhotoEncoding { profile, gain_map, exif, xmp })
+            }
+            Photo::Linear(image) => Photo::Linear(self.crop(image)),
+        }
+    }
+
+    /// Copies the bars of a photo into another of its size and type, such as a composite with it.
+    ///
+    /// # Panics
+    /// If sizes differ.
+    pub fn restore(&self, photo: &Photo, composite: &mut Photo) {
+        match (photo, composite) {
+            (Photo::Srgb8(from), Photo::Srgb8(to)) => self.copy(from, to),
+            (Photo::Encoded8(from), Photo::Encoded8(to)) => self.copy(&from.image, &mut to.image),
+            (Photo::Linear(from), Photo::Linear(to)) => self.copy(from, to),
+            _ => {}
+        }
+    }
+
+    fn copy<T: Copy>(&self, from: &Image<T>, to: &mut Image<T>) {
+        assert_eq!((from.width(), from.height()), (to.width(), to.height()), "sizes of photo and composite");
+        let (width, height) = (from.width(), from.height());
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let is_inside =
+                (self.left..width - self.right).contains(&x) && (self.top..height - self.bottom).contains(&y);
+            if !is_inside {
+                to[(x, y)] = from[(x, y)];
+            }
+        }
+    }
+
+    /// Crops the gain map of a photo of this size to the picture, at about its own resolution.
+    fn crop_gain_map(&self, map: &GainMap, [width, height]: [usize; 2]) -> GainMap {
+        let axis = |count: usize, size: usize, start: usize, end: usize| {
+            let inner = size - start - end;
+            let cropped = (count * inner).div_ceil(size).max(1);
+            let index = move |at: usize| {
+                let place = start as f64 + (at as f64 + 0.5) * inner as f64 / cropped as f64;
+                ((place * count as f64 / size as f64) as usize).min(count - 1)
+            };
+            (cropped, index)
+        };
+        let (columns, column) = axis(map.image.width(), width, self.left, self.right);
+        let (rows, row) = axis(map.image.height(), height, self.top, self.bottom);
+        let image = Image::from_fn(columns, rows, |x, y| map.image[(column(x), row(y))]);
+        GainMap { image, parameters: map.parameters }
+    }
+
+    fn crop<T: Copy>(&self, image: &Image<T>) -> Image<T> {
+        let (width, height) = (self.inner_width(image.width()), self.inner_height(image.height()));
+        let (width, height) = width.zip(height).expect("bars of an image are smaller than the image");
+        Image::from_fn(width, height, |x, y| image[(self.left + x, self.top + y)])
+    }
+
+    /// Widens the bars until they contain rounded corners.
+    fn without_corners(self, values: &Image<u8>) -> Self {
+        let (width, height) = (values.width(), values.height());
+        let (Some(inner_width), Some(inner_height)) = (self.inner_width(width), self.inner_height(height)) else {
+            return self;
+        };
+        let limit = (MAX_CORNER * inner_width.min(inner_height) as f64) as usize;
+        let corners = [false, true].into_iter().flat_map(|right| [false, true].map(|bottom| (right, bottom)));
+        let is_black = |(right, bottom): (bool, bool), x: usize, y: usize| {
+            let at = |from_end: bool, start: usize, size: usize, index: usize| {
+                if from_end { start + size - 1 - index } else { start + index }
+            };
+            values[(at(right, self.left, inner_width, x), at(bottom, self.top, inner_height, y))] <= BLACK
+        };
+        let mut sizes = Vec::with_capacity(4);
+        for corner in corners {
+            let diagonal = (0..=limit).take_while(|&d| is_black(corner, d, d)).count();
+            // On an arc, black ends after 3.4 times that along the border.
+            let along = (0..(6 * diagonal).min(inner_width)).take_while(|&x| is_black(corner, x, 0)).count();
+            if diagonal < 2 || diagonal > limit || !(2 * diagonal..5 * diagonal + 4).contains(&along) {
+                return self;
+            }
+            sizes.push(diagonal);
+        }
+        let (least, most) = sizes.iter().fold((usize::MAX, 0), |(a, b), &size| (a.min(size), b.max(size)));
+        if most > least + least / 2 + 2 {
+            return self;
+        }
+        let size = most + 1;
+        Self { left: self.left + size, top: self.top + size, right: self.right + size, bottom: self.bottom + size }
+    }
+}
+
+/// The sRGB value of the brightest channel of each pixel.
+fn brightest(photo: &Photo) -> Image<u8> {
+    let of_linear = |image: &RadianceImage| image.map(|rgb| srgb8_from_linear(rgb[0].max(rgb[1]).max(rgb[2])));
+    match photo {
+        Photo::Srgb8(image) | Photo::Encoded8(EncodedPhoto { image, .. }) => {
+            image.map(|rgb| rgb[0].max(rgb[1]).max(rgb[2]))
+        }
+        Photo::Linear(image) => of_linear(image),
+    }
+}
+
+/// An evenly black bar at the top or bottom: its rows, and the share of pixels at its edge that are brighter.
+#[derive(Clone, Copy, Default)]
+struct Bar {
+    rows: usize,
+    edge_share: f32,
+}
+
+fn bar(values: &Image<u8>, from_end: bool) -> Bar {
+    let (width, height) = (values.width(), values.height());
+    let row = |index: usize| {
+        let y = if from_end { height - 1 - index } else { index };
+        &values.pixels()[y * width..(y + 1) * width]
+    };
+    let share = |row: &[u8], holds: &dyn Fn(u8) -> bool| {
+        row.iter().filter(|&&value| holds(value)).count() as f32 / width.max(1) as f32
+    };
+    let rows = (0..height).take_while(|&index| share(row(index), &|value| value <= BLACK) >= BAR_SHARE).count();
+    if rows < (height / 100).max(3) || rows == height {
+        return Bar::default();
+    }
+    let mut counts = [0usize; 256];
+    (0..rows).flat_map(row).for_each(|&value| counts[usize::from(value)] += 1);
+    let mut below = 0;
+    let median = (0..256).find(|&value| {
+        below += counts[value];
+        2 * below >= rows * width
+    });
+    let median = median.unwrap_or(0);
+    let even: usize = counts[median.saturating_sub(2)..=(median + 2).min(255)].iter().sum();
+    if (even as f32) < EVEN_SHARE * (rows * width) as f32 {
+        return Bar::default();
+    }
+    let brighter = |value: u8| usize::from(value) > median + 16;
+    let edge_rows = (height / EDGE_ROWS_SHARE).clamp(1, EDGE_ROWS);
+    let edge_share = (rows..height.min(rows + edge_rows)).map(|index| share(row(index), &brighter)).fold(0.0, f32::max);
+    Bar { rows, edge_share }
+}
+
+/// Rows of two opposite bars, 0 where the edge is not straight.
+fn kept(bars: [Bar; 2]) -> [usize; 2] {
+    let are_two = bars.iter().all(|bar| bar.rows > 0);
+    let least = EDGE_SHARE[usize::from(are_two)];
+    bars.map(|bar| if bar.edge_share >= least { bar.rows } else { 0 })
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::{perspective_from_equirectangular, read_photo, read_radiance, view_rotation};
+    use lo_testdata::{asset, panoramas, shared_data};
+
+    /// A picture of 120 × 80 with a bright and a dark half.
+    fn picture(x: usize, y: usize) -> [u8; 3] {
+        if x < 60 { [180, 120, (y + 40) as u8] } else { [60, 20 + (x % 7) as u8, 5] }
+    }
+
+    fn framed(bars: BlackBars, black: impl Fn(usize, usize) -> [u8; 3]) -> Photo {
+        let BlackBars { left, top, right, bottom } = bars;
+        Photo::Srgb8(Image::from_fn(left + 120 + right, top + 80 + bottom, |x, y| {
+            let is_inside = (left..left + 120).contains(&x) && (top..top + 80).contains(&y);
+            if is_inside { picture(x - left, y - top) } else { black(x, y) }
+        }))
+    }
+
+    #[test]
+    fn bars_are_found_to_the_pixel() {
+        let at = |left, top, right, bottom| BlackBars { left, top, right, bottom };
+        for bars in [at(0, 20, 0, 20), at(40, 0, 40, 0), at(0, 0, 0, 15), at(30, 0, 0, 0), at(20, 21, 22, 23)] {
+            // black, video black, and black with the noise of compression
+            for level in [0u8, 16] {
+                let noise = |x: usize, y: usize| [level + ((x * 7 + y * 3) % 3) as u8; 3];
+                let photo = framed(bars, noise);
+                assert_eq!(BlackBars::of(&photo), Some(bars));
+                let Photo::Srgb8(inner) = bars.cropped(&photo) else { panic!() };
+                assert_eq!((inner.width(), inner.height()), (120, 80));
+                assert_eq!((inner[(0, 0)], inner[(119, 79)]), (picture(0, 0), picture(119, 79)));
+                let mut composite = Photo::Srgb8(Image::new(
+                    photo.width(),
+                    photo.height(),
+                    vec![[255; 3]; photo.width() * photo.height()],
+                ));
+                bars.restore(&photo, &mut composite);
+                assert!(bars.cropped(&composite).linear_at((0, 0)) == [1.0; 3]);
+                let corner = (photo.width() - 1, photo.height() - 1);
+                assert!(composite.linear_at(corner) == photo.linear_at(corner) || (bars.right, bars.bottom) == (0, 0));
+            }
+        }
+        // a clock in the upper bar
+        let clock = |x: usize, y: usize| if (50..58).contains(&x) && (5..12).contains(&y) { [230; 3] } else { [0; 3] };
+        assert_eq!(BlackBars::of(&framed(at(0, 20, 0, 20), clock)), Some(at(0, 20, 0, 20)));
+        assert_eq!(BlackBars::of(&framed(BlackBars::default(), clock)), None);
+    }
+
+    #[test]
+    fn rounded_corners_are_left_out() {
+        let rounded = |photo: &Photo, bars: BlackBars, radius: f64| {
+            let Photo::Srgb8(image) = photo else { panic!() };
+            let (width, height) = (image.width() - bars.left - bars.right, image.height() - bars.top - bars.bottom);
+            Photo::Srgb8(Image::from_fn(image.width(), image.height(), |x, y| {
+                let beyond = |at: usize, start: usize, size: usize| {
+                    let at = at as f64 - start as f64 + 0.5;
+                    (radius - at).max(at - (size as f64 - radius)).max(0.0)
+                };
+                let is_outside = beyond(x, bars.left, width).hypot(beyond(y, bars.top, height)) > radius;
+                if is_outside { [0; 3] } else { image[(x, y)] }
+            }))
+        };
+        let bars = BlackBars { top: 20, bottom: 20, ..BlackBars::default() };
+        for bars in [bars, BlackBars::default()] {
+            let found = BlackBars::of(&rounded(&framed(bars, |_, _| [0; 3]), bars, 12.0)).unwrap();
+            // 12 (1 − √½) = 3.5 pixels along the diagonal
+            let expected = BlackBars { left: 5, right: 5, top: bars.top + 5, bottom: bars.bottom + 5 };
+            assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn real_photos_have_no_bars_and_framed_ones_do() {
+        let mut photos = vec![asset("library_color.jpg")];
+        for folder in ["rgbd", "rgbd_more", "photos_more"] {
+            let Some(folder) = shared_data(folder, "bars of real photos") else { continue };
+            let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
+            photos.extend(files.filter(|file| {
+                let name = file.file_name().unwrap().to_string_lossy().into_owned();
+                !name.contains("depth") && (name.ends_with(".jpg") || name.ends_with(".png"))
+            }));
+        }
+        for file in photos {
+            let photo = read_photo(&file).unwrap().photo;
+            // also underexposed by five stops
+            let dark = Photo::Linear(photo.radiance().map(|rgb| rgb.map(|c| c / 32.0)));
+            for photo in [&photo, &dark] {
+                assert_eq!(BlackBars::of(photo), None, "{}", file.display());
+            }
+        }
+        let Some(folder) = shared_data("inputs", "bars of framed photos") else { return };
+        let found = |name: &str| BlackBars::of(&read_photo(folder.join(name)).unwrap().photo).unwrap();
+        assert_eq!(found("letterbox.png"), BlackBars { top: 80, bottom: 80, ..BlackBars::default() });
+        assert_eq!(found("pillarbox.png"), BlackBars { left: 220, right: 220, ..BlackBars::default() });
+    }
+
+    /// Views of panoramas, among them black studios.
+    #[test]
+    fn dark_rooms_have_no_bars() {
+        let mut files = vec![panoramas().join("lebombo_256.hdr")];
+        for folder in ["hdr", "hdr_more"] {
+            let Some(folder) = shared_data(folder, "bars in views of dark rooms") else { continue };
+            let all = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
+            files.extend(all.filter(|file| file.extension().is_some_and(|e| e == "hdr" || e == "exr")));
+        }
+        let (mut found, mut views) = (Vec::new(), 0);
+        for file in files {
+            let panorama = read_radiance(&file).unwrap();
+            for turn in 0..6u8 {
+                let rotation = view_rotation(f32::from(turn) * 1.047, 0.2 * f32::from(turn % 3) - 0.2, 0.0);
+                let camera = lo_geometry::Camera::from_hfov_deg(70.0, 96, 64).unwrap();
+                let view = perspective_from_equirectangular(&panorama, &camera, rotation);
+                for exposure in [1.0, 0.1, 0.01] {
+                    let photo = Photo::Linear(view.map(|rgb| rgb.map(|c| exposure * c)));
+                    views += 1;
+                    let bars = BlackBars::of(&photo);
+                    found.extend(bars.map(|bars| format!("{}, {turn}, × {exposure}: {bars:?}", file.display())));
+                }
+            }
+        }
+        assert!(found.is_empty(), "{} of {views} views: {found:#?}", found.len());
+    }
+}
