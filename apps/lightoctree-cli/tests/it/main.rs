@@ -6,6 +6,8 @@ mod support;
 mod cli;
 #[cfg(feature = "depth-models")]
 mod depth_models;
+#[cfg(all(feature = "depth-models", feature = "weights"))]
+mod given_input;
 mod photos;
 mod unwrap;
 mod view;
