@@ -4,7 +4,7 @@ use lo_events::{OnEvent, warn};
 use lo_geometry::{Camera, Distortion};
 #[cfg(feature = "depth-models")]
 use lo_imaging::Image;
-use lo_imaging::{BlackBars, DepthMap, Photo, PhotoFile, SpecialProjection};
+use lo_imaging::{BlackBars, DepthMap, PhotoFile, SpecialProjection};
 use lo_scene::{CameraSource, Frame, FrameError, Undistortion};
 
 use crate::{EstimateError, EstimateWarning, Estimator, Input};
