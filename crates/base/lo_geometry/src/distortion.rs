@@ -21,7 +21,7 @@ pub enum Distortion {
 const MAX_RADIUS: f64 = 10.0;
 
 /// Steps at which the radial function is checked.
-const STEPS: u32 = 2000;
+const STEPS: u32 = 400;
 
 impl Distortion {
     /// Creates a Brown distortion from its first coefficients in OpenCV's order, `k1 k2 p1 p2 k3 k4 k5 k6`.
@@ -134,7 +134,7 @@ mod tests {
     fn strong_barrels_end_where_they_fold() {
         // r − 0.25 r³ increases up to r = √(4 / 3).
         let limit = Distortion::brown(&[-0.25]).max_radius();
-        assert!((limit - (4.0f64 / 3.0).sqrt()).abs() < 0.006, "{limit}");
+        assert!((limit - (4.0f64 / 3.0).sqrt()).abs() < 0.03, "{limit}");
         assert_eq!(Distortion::brown(&[0.1]).max_radius(), MAX_RADIUS);
         // Its largest distorted radius is 2 / 3 of that.
         assert_eq!(Distortion::brown(&[-0.25]).undistorted([0.9, 0.0]), None);

@@ -352,7 +352,7 @@ mod tests {
                 let rotation = view_rotation(f32::from(turn) * 1.047, 0.2 * f32::from(turn % 3) - 0.2, 0.0);
                 let camera = lo_geometry::Camera::from_hfov_deg(70.0, 96, 64).unwrap();
                 let view = perspective_from_equirectangular(&panorama, &camera, rotation);
-                for exposure in [1.0, 0.1, 0.01] {
+                for exposure in [1.0, 0.3, 0.1] {
                     let photo = Photo::Linear(view.map(|rgb| rgb.map(|c| exposure * c)));
                     views += 1;
                     let bars = BlackBars::of(&photo);

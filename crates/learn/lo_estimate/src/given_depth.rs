@@ -11,6 +11,9 @@ const INVERSE_BELOW: f64 = -0.1;
 /// Ratio of given to predicted depth from which the scale seems wrong, and inverse of the smallest.
 const MAX_RATIO: f64 = 3.0;
 
+/// Least and largest median depth of an ordinary photo of a room, in metres. The network's scale is trusted within them.
+const TYPICAL_M: [f64; 2] = [0.8, 6.0];
+
 /// Pixels compared along each side.
 const SAMPLES: usize = 64;
 
@@ -30,10 +33,18 @@ pub(crate) fn compare(given_m: &DepthMap, own_m: &DepthMap) -> Option<EstimateWa
     if rank_correlation < INVERSE_BELOW {
         return Some(EstimateWarning::InverseDepth { rank_correlation });
     }
-    let mut ratios: Vec<f64> = pairs.iter().map(|[given, own]| given / own).collect();
-    let middle = ratios.len() / 2;
-    let ratio = *ratios.select_nth_unstable_by(middle, f64::total_cmp).1;
-    (!(MAX_RATIO.recip()..=MAX_RATIO).contains(&ratio)).then_some(EstimateWarning::DepthScale { ratio })
+    let ratio = median(pairs.iter().map(|[given, own]| given / own));
+    // A prediction that no ordinary photo of a room has is no evidence against one that it may have.
+    let own_m = median(pairs.iter().map(|[_, own]| *own));
+    let from_typical = ratio * own_m / own_m.clamp(TYPICAL_M[0], TYPICAL_M[1]);
+    let is_wrong = |ratio: f64| !(MAX_RATIO.recip()..=MAX_RATIO).contains(&ratio);
+    (is_wrong(ratio) && is_wrong(from_typical)).then_some(EstimateWarning::DepthScale { ratio })
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// Depths of both maps on a regular grid, where both have a reading.
@@ -112,6 +123,16 @@ mod tests {
             // f32, and the grid's pixels of two sizes
             assert!((ratio / f64::from(scale) - 1.0).abs() < 0.02, "{ratio}");
         }
+    }
+
+    #[test]
+    fn a_prediction_of_no_ordinary_photo_does_not_count() {
+        // A median of 0.35 m of the network, of 1.4 m of the sensor: both views of a cabinet, the second likely.
+        let [own, given] = [0.35, 1.4].map(|m| depth(64, 48).map(|z| m / 2.0 * z));
+        assert_eq!(compare(&given, &own), None);
+        assert!(matches!(compare(&given.map(|z| 5.0 * z), &own), Some(EstimateWarning::DepthScale { .. })));
+        // Two views from near that agree are right.
+        assert_eq!(compare(&own.map(|z| 0.8 * z), &own), None);
     }
 
     #[test]
