@@ -141,6 +141,9 @@ fn photos_and_lenses_as_people_have_them() {
     named("r3d/rgb/0.jpg", &["--intrinsics", "DIR/r3d/transforms_dist.json"], "lens distortion is undone");
     named("r3d/rgb/0.jpg", &["--intrinsics", "DIR/r3d/transforms_fisheye.json"], "lens distortion is undone");
     named("base.jpg", &["--hfov-deg", "67.4", "--distortion", "-0.2,0,0,0"], "lens distortion is undone");
+    named("truncated.jpg", &[], "52 % of the picture is missing and black");
+    named("truncated.jpg", &[], "at the bottom");
+    named("ultrahdr.jpg", &[], "highlights by the gain map");
     named("letterbox.png", &[], "80 pixels at the top, 80 pixels at the bottom");
     named("pillarbox.png", &[], "220 pixels at the left, 220 pixels at the right");
     assert!(!run("pillarbox.png", &[]).1.contains("panorama"));
@@ -149,6 +152,9 @@ fn photos_and_lenses_as_people_have_them() {
         assert!(!success && says.iter().all(|text| notes.contains(text)), "{photo} {more:?}: {notes}");
     };
     refused("fisheye_circular.jpg", &[], &["circular fisheye", "--hfov-deg", "fisheye_circular.jpg"]);
+    refused("photo.heic", &[], &["HEIC", "heif-convert"]);
+    refused("photo.avif", &[], &["AVIF", "avifdec"]);
+    refused("pano_gpano_cropped.jpg", &[], &["panorama"]);
     refused("phone_pano_180.jpg", &[], &["panorama", "--hfov-deg"]);
     refused("r3d/rgb_turned0.jpg", &["--intrinsics", "DIR/r3d/metadata.json"], &["480 × 720", "rotated or cropped"]);
     refused("base.jpg", &["--distortion", "-0.2,0,0,0"], &["--distortion needs the lens"]);
@@ -186,4 +192,25 @@ fn black_bars_change_neither_light_nor_their_own_pixels() {
         assert!(!is_bar || out[(x, y)] == [0; 3], "{x}, {y}");
     }
     assert!(changed > 500, "{changed} pixels of the sphere");
+}
+
+#[test]
+fn composites_keep_the_colour_space_of_the_photo() {
+    let Some(inputs) = shared_data("inputs", "composites in Display P3") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let photo = inputs.join("p3.png");
+    done(at, &["estimate", photo.to_str().unwrap(), "-o", "room.scene"]);
+    let sphere = ["--mesh", "builtin:sphere", "--height", "0.3", "--pixel", "300,420", "-o", "out.png"];
+    done(at, &[&["insert", "room.scene"][..], &sphere].concat());
+    let read = |path: &Path| match lo_imaging::read_photo(path).unwrap().photo {
+        Photo::Encoded8(photo) => photo,
+        _ => panic!("{} has no profile", path.display()),
+    };
+    let (before, after) = (read(&photo), read(&at.join("out.png")));
+    assert_eq!(after.encoding.profile.as_ref().unwrap().name(), "Display P3");
+    assert_eq!(after.encoding.profile, before.encoding.profile);
+    let changed = before.image.pixels().iter().zip(after.image.pixels()).filter(|(a, b)| a != b).count();
+    let share = changed as f64 / before.image.pixels().len() as f64;
+    assert!((0.002..0.7).contains(&share), "{share}");
 }

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
-use lo_imaging::{Image, Photo, RadianceImage};
+use lo_imaging::{GainMap, GainMapParameters, Image, Photo, PhotoEncoding, RadianceImage};
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{
     AddedLight, AnalyticLight, CameraSource, Completion, EmitterEdit, Estimate, EstimateOrigin, ExpectedLight, Frame,
@@ -40,6 +40,32 @@ fn scene(linear: bool) -> SceneFile {
 
 fn estimate_of(scene: &mut SceneFile) -> &mut Estimate {
     Arc::make_mut(&mut scene.estimate)
+}
+
+#[test]
+fn a_photo_keeps_profile_gain_map_and_metadata() {
+    let Some(inputs) = lo_testdata::shared_data("inputs", "scenes of photos with a profile") else { return };
+    let Photo::Encoded8(p3) = lo_imaging::read_photo(inputs.join("p3.png")).unwrap().photo else { panic!() };
+    let map = Image::from_fn(3, 2, |x, y| [x as u8 * 90, y as u8 * 200, 7]);
+    let encoding = |parameters| PhotoEncoding {
+        profile: p3.encoding.profile.clone(),
+        gain_map: Some(GainMap { image: map.clone(), parameters }),
+        exif: b"II*\0\x08\0\0\0\0\0".to_vec(),
+        xmp: b"<x:xmpmeta xmlns:x=\"adobe:ns:meta/\"/>".to_vec(),
+    };
+    let mut scene = scene(false);
+    let Photo::Srgb8(image) = scene.estimate.frame.photo.clone() else { panic!() };
+    let mut with = |parameters| {
+        estimate_of(&mut scene).frame.photo = Photo::encoded8(image.clone(), encoding(parameters));
+        SceneFile::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap())
+            .map(|back| (back.estimate.frame.photo == scene.estimate.frame.photo, back))
+    };
+    let (same, back) = with(GainMapParameters::default()).unwrap();
+    assert!(same);
+    let frame = &back.estimate.frame;
+    assert_eq!(frame.photo.linear_at((3, 2)), frame.photo.radiance()[(3, 2)]);
+    let error = with(GainMapParameters { gamma: [0.0; 3], ..GainMapParameters::default() }).unwrap_err();
+    assert!(error.to_string().contains("gain map"), "{error}");
 }
 
 #[test]
