@@ -6,6 +6,7 @@
 mod camera;
 mod cube;
 mod equirectangular;
+mod limits;
 mod orientation;
 mod pattern;
 mod perspective_field;
@@ -18,6 +19,7 @@ pub use camera::{Camera, CameraError};
 pub use cube::Cube;
 pub use equirectangular::{direction_from_uv, pixel_direction, pixel_solid_angle_sr, uv_from_direction};
 pub use glam::{DMat3, DQuat, DVec3, Mat2, Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
+pub use limits::{MAX_COORDINATE_M, is_position};
 pub use orientation::Orientation;
 pub use pattern::{cosine_hemisphere, fibonacci_sphere, orthonormal_basis, van_der_corput};
 pub use perspective_field::{FieldCell, LensEstimate, Perspective, PerspectiveField, PerspectiveFit};

@@ -24,6 +24,7 @@ mod pfm;
 mod photo;
 mod raster;
 mod read;
+mod read_file;
 mod resize;
 mod rgbe;
 mod sh;
@@ -57,6 +58,7 @@ pub use read::{
     PhotoFile, depth_from_bytes, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth,
     read_exr_channels, read_photo, read_radiance, read_rgba8, rgba8_from_bytes, size_from_bytes,
 };
+pub use read_file::{open_regular_file, read_regular_file, read_regular_text};
 pub use resize::{resize, resize_depth};
 pub use sh::Sh9;
 pub use tone::ToneCurve;
