@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
+use lo_imaging as imaging;
 #[cfg(feature = "depth-models")]
 use lo_viewer::ReadDepthModel;
 use lo_viewer::{MakeEstimator, NamedFile, Options, PhotoSource, PublicOrigin, SceneSource};
@@ -157,8 +158,11 @@ fn depth_model(args: &DepthModelArgs) -> Option<(String, ReadDepthModel)> {
 }
 
 fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
-    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+    imaging::read_regular_file(path, MAX_FILE_BYTES).with_context(|| format!("cannot read {}", path.display()))
 }
+
+/// Longest scene, photo and panorama, bytes.
+const MAX_FILE_BYTES: u64 = 1 << 33;
 
 /// Whether a file is in safetensors format: 8 bytes of length, then a JSON object.
 fn is_scene(bytes: &[u8]) -> bool {

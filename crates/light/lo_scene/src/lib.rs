@@ -82,7 +82,7 @@ mod scene_objects;
 mod surfel;
 
 pub use camera_source::CameraSource;
-pub use document_file::{FORMAT_VERSION, SceneFile};
+pub use document_file::{FORMAT_VERSION, MAX_FILE_BYTES, SceneFile};
 pub use edited_light::{EditedLight, OctreeChange};
 pub use error::{FrameError, SceneError};
 pub use estimate::{Estimate, EstimateOrigin};

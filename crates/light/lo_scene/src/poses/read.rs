@@ -1,6 +1,6 @@
-use std::io::Read;
 use std::path::Path;
 
+use lo_imaging::read_regular_file;
 use serde_json::Value;
 
 use super::error::PoseError;
@@ -18,15 +18,10 @@ impl PoseFile {
     /// If the file cannot be read, naming the path, and all errors of [`PoseFile::from_bytes`].
     pub fn read(path: &Path) -> Result<Self, PoseError> {
         let name = path.display().to_string();
-        let io = |source| PoseError::Read { path: name.clone(), source };
-        let file = std::fs::File::open(path).map_err(io)?;
-        let length = file.metadata().map_err(io)?.len();
-        if length > MAX_FILE_BYTES {
-            return Err(PoseError::TooLarge { file: name, bytes: length, most: MAX_FILE_BYTES });
+        match read_regular_file(path, MAX_FILE_BYTES) {
+            Ok(bytes) => Self::from_bytes(&bytes, &name),
+            Err(source) => Err(PoseError::Read { path: name, source }),
         }
-        let mut bytes = Vec::with_capacity(length as usize);
-        file.take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(io)?;
-        Self::from_bytes(&bytes, &name)
     }
 
     /// Parses a pose file; `name` appears in errors.
