@@ -21,6 +21,7 @@ mod depth_model;
 mod level;
 mod panorama_prior;
 mod photos;
+mod token;
 
 use std::path::Path;
 

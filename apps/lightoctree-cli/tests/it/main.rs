@@ -9,4 +9,5 @@ mod depth_models;
 mod photos;
 mod unwrap;
 mod view;
+mod view_access;
 mod view_in_browser;
