@@ -227,6 +227,8 @@ mod tests {
         assert!(["900K", "warm", "0,0,0", "1,2", "-1,1,1", "nanK"].iter().all(|text| light_color(text).is_err()));
         assert_eq!(extent("1.2,0.3"), Ok([1.2, 0.3]));
         assert!(extent("1,0").is_err() && extent("1").is_err());
-        assert!(positive("0").is_err() && positive("inf").is_err() && positive("1e30").is_err() && positive("2").is_ok());
+        assert!(
+            positive("0").is_err() && positive("inf").is_err() && positive("1e30").is_err() && positive("2").is_ok()
+        );
     }
 }

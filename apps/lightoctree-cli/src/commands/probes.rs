@@ -206,11 +206,9 @@ pub fn points_from_csv(text: &str) -> anyhow::Result<Vec<Probe>> {
         }
         let mut xyz = [0.0f32; 3];
         for (value, (cell, axis)) in xyz.iter_mut().zip(record.iter().zip(["x", "y", "z"])) {
-            *value = cell
-                .parse()
-                .ok()
-                .filter(|v: &f32| v.abs() <= MAX_COORDINATE_M)
-                .with_context(|| format!("line {line}: {axis} is `{cell}`, not a number within ± {MAX_COORDINATE_M}"))?;
+            *value = cell.parse().ok().filter(|v: &f32| v.abs() <= MAX_COORDINATE_M).with_context(|| {
+                format!("line {line}: {axis} is `{cell}`, not a number within ± {MAX_COORDINATE_M}")
+            })?;
         }
         let name = record
             .get(3)

@@ -19,7 +19,17 @@ const MAX_RUN: usize = 4;
 
 /// Parts of tokens that everybody tries first, and of examples in documents.
 const COMMON: [&str; 11] = [
-    "password", "passwort", "secret", "token", "lightoctree", "qwerty", "letmein", "changeme", "example", "admin", "welcome",
+    "password",
+    "passwort",
+    "secret",
+    "token",
+    "lightoctree",
+    "qwerty",
+    "letmein",
+    "changeme",
+    "example",
+    "admin",
+    "welcome",
 ];
 
 /// Options of the token.

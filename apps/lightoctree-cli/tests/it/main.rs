@@ -6,6 +6,7 @@ mod support;
 mod cli;
 #[cfg(feature = "depth-models")]
 mod depth_models;
+mod hostile;
 mod photos;
 mod unwrap;
 mod view;

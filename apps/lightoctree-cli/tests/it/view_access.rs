@@ -224,9 +224,7 @@ fn tunnel_to(host: &str) -> u16 {
     std::thread::spawn(move || {
         for near in listener.incoming() {
             let (Ok(near), Ok(far)) = (near, TcpStream::connect(&host)) else { return };
-            for (mut from, mut to) in
-                [(near.try_clone().unwrap(), far.try_clone().unwrap()), (far, near)]
-            {
+            for (mut from, mut to) in [(near.try_clone().unwrap(), far.try_clone().unwrap()), (far, near)] {
                 std::thread::spawn(move || {
                     let _ = std::io::copy(&mut from, &mut to);
                     let _ = to.shutdown(std::net::Shutdown::Write);

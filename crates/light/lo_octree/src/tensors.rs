@@ -102,7 +102,12 @@ pub fn write_tensors(light: &LightOctree) -> (OctreeHeader, Vec<NamedTensor>) {
         push("children", Dtype::I32, &[nodes], level.children.iter().flat_map(|child| child.to_le_bytes()).collect());
         push("nonempty", Dtype::BOOL, &[nodes], level.rows.iter().map(|&row| u8::from(row >= 0)).collect());
         let rgba = light.rgba[depth].as_flattened();
-        push("rgba", Dtype::F32, &[rows, 4], rgba.iter().flat_map(|value| value.min(MAX_RADIANCE).to_le_bytes()).collect());
+        push(
+            "rgba",
+            Dtype::F32,
+            &[rows, 4],
+            rgba.iter().flat_map(|value| value.min(MAX_RADIANCE).to_le_bytes()).collect(),
+        );
         push("seen", Dtype::U8, &[rows], light.seen[depth].clone());
         if let Some(lobes) = &light.lobes {
             let lobes = lobes[depth].as_flattened();

@@ -9,8 +9,8 @@ use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{
     AddedLight, AnalyticLight, CameraSource, Completion, EmitterEdit, Estimate, EstimateOrigin, ExpectedLight, Frame,
     InferredLight, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning, MAX_FILE_BYTES,
-    MAX_LIGHT_EDITS, ObjectDisplay, OtherPhoto, PanoramaContribution, PanoramaImage, PanoramaSource, Room, RoomPlane, SceneError, SceneFile,
-    SceneObjects, Side,
+    MAX_LIGHT_EDITS, ObjectDisplay, OtherPhoto, PanoramaContribution, PanoramaImage, PanoramaSource, Room, RoomPlane,
+    SceneError, SceneFile, SceneObjects, Side,
 };
 use proptest::prelude::*;
 

@@ -55,7 +55,8 @@ fn bytes(state: &State) -> usize {
         let keyframes = object.path.as_ref().map_or(0, |path| path.keyframes.len());
         size_of::<Object>() + object.name.len() + keyframes * size_of::<Keyframe>()
     };
-    let lights = state.lights.emitters.len() * size_of::<EmitterEdit>() + state.lights.added.len() * size_of::<AddedLight>();
+    let lights =
+        state.lights.emitters.len() * size_of::<EmitterEdit>() + state.lights.added.len() * size_of::<AddedLight>();
     size_of::<State>() + state.objects.iter().map(object).sum::<usize>() + lights
 }
 

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use lo_insert::{Align, Ground, InsertError, Layout, LayoutObject, Path, PathSource, Placement};
+use lo_scene::plain_name;
 use serde::{Deserialize, Serialize};
 
 use crate::key_times::{key_at, position_of};

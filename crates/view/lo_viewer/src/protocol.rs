@@ -257,11 +257,7 @@ impl FromPage {
     pub fn is_replaceable(&self) -> bool {
         matches!(
             self,
-            Self::Preview { .. }
-                | Self::Seek { .. }
-                | Self::Probe { .. }
-                | Self::Overlay { .. }
-                | Self::Outside { .. }
+            Self::Preview { .. } | Self::Seek { .. } | Self::Probe { .. } | Self::Overlay { .. } | Self::Outside { .. }
         )
     }
 }

@@ -188,7 +188,9 @@ impl Stream for ChunkStream {
     fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         self.receiver.poll_recv(context).map(|chunk| match chunk {
             Some(chunk) => Some(Ok(chunk)),
-            None => self.failure.lock().unwrap_or_else(PoisonError::into_inner).take().map(|why| Err(io::Error::other(why))),
+            None => {
+                self.failure.lock().unwrap_or_else(PoisonError::into_inner).take().map(|why| Err(io::Error::other(why)))
+            }
         })
     }
 }

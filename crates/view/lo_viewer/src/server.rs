@@ -48,8 +48,7 @@ pub fn run(
             Some(origin) => format!("{origin}/{token}/"),
             None => format!("http://{}/{token}/", reachable(address)),
         });
-        let app =
-            App { session, token: token.into(), public_origin, estimator: options.estimator };
+        let app = App { session, token: token.into(), public_origin, estimator: options.estimator };
         let ended = async {
             while !is_over() {
                 tokio::time::sleep(POLL_INTERVAL).await;
@@ -83,9 +82,9 @@ fn reachable(mut address: SocketAddr) -> SocketAddr {
     let v4 = || network_ip(Ipv4Addr::UNSPECIFIED.into(), DOCUMENTATION_V4);
     address.set_ip(match address.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => v4().unwrap_or(Ipv4Addr::LOCALHOST.into()),
-        IpAddr::V6(ip) if ip.is_unspecified() => network_ip(Ipv6Addr::UNSPECIFIED.into(), DOCUMENTATION_V6)
-            .or_else(v4)
-            .unwrap_or(Ipv6Addr::LOCALHOST.into()),
+        IpAddr::V6(ip) if ip.is_unspecified() => {
+            network_ip(Ipv6Addr::UNSPECIFIED.into(), DOCUMENTATION_V6).or_else(v4).unwrap_or(Ipv6Addr::LOCALHOST.into())
+        }
         ip => ip,
     });
     address

@@ -63,7 +63,8 @@ impl SessionHandle {
     /// If the thread cannot be started.
     pub fn start(warning_text: WarningText, can_estimate: bool) -> std::io::Result<Arc<Self>> {
         let (messages, receiver) = channel(QUEUE);
-        let handle = Arc::new(Self { messages, pages: Arc::default(), uploads: Arc::default(), current: Mutex::default() });
+        let handle =
+            Arc::new(Self { messages, pages: Arc::default(), uploads: Arc::default(), current: Mutex::default() });
         let actor = SessionActor {
             handle: handle.clone(),
             warning_text,

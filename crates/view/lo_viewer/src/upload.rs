@@ -37,7 +37,7 @@ pub(crate) async fn upload(
         return refused("the file has no usable name".to_owned());
     }
     let uploads = app.session.uploads.clone();
-    let (bytes, reservation) = match read_body(body, &uploads, MAX_UPLOAD).await {
+    let (bytes, mut reservation) = match read_body(body, &uploads, MAX_UPLOAD).await {
         Ok(read) => read,
         Err(refusal) => return refusal.into_response(),
     };
@@ -55,16 +55,16 @@ pub(crate) async fn upload(
                 return refused("open a photo or a scene first".to_owned());
             }
             let _reading = uploads.reading.lock().await;
-            let parts = uploads.take_waiting();
+            let parts = reservation.take_waiting();
             let session = app.session.clone();
             let read = tokio::task::spawn_blocking(move || {
                 // Referenced files are stored in the scene file, too.
                 let referenced: RefCell<Files> = RefCell::default();
                 let resolve = |part: &str| {
-                    let part = part.rsplit(['/', '\\']).next().unwrap_or_default();
+                    let part = plain_name(part.rsplit(['/', '\\']).next().unwrap_or_default());
                     let bytes =
-                        parts.get(part).ok_or_else(|| std::io::Error::other("drop it together with the mesh"))?;
-                    referenced.borrow_mut().insert(part.to_owned(), bytes.as_slice().into());
+                        parts.get(&part).ok_or_else(|| std::io::Error::other("drop it together with the mesh"))?;
+                    referenced.borrow_mut().insert(part, bytes.as_slice().into());
                     Ok(bytes.clone())
                 };
                 let model = Model::from_bytes(&name, &bytes, &resolve, &LoadOptions::default());
@@ -80,14 +80,12 @@ pub(crate) async fn upload(
                 Err(_) => refused("internal error; see the terminal output".to_owned()),
             }
         }
-        "scene" => {
-            open(app, SceneSource::Scene { file: name, bytes, is_saved: true }, reservation).await
-        }
+        "scene" => open(app, SceneSource::Scene { file: name, bytes, is_saved: true }, reservation).await,
         "photo" => {
             let Some(estimator) = app.estimator.clone() else {
                 return refused("this program was built without weights, so it opens scenes only".to_owned());
             };
-            let mut files = uploads.take_waiting();
+            let mut files = reservation.take_waiting();
             let mut take = |kind: &str| {
                 let key = files.keys().find(|key| key.starts_with(kind)).cloned()?;
                 Some(NamedFile { bytes: files.remove(&key)?, name: key[kind.len()..].to_owned() })

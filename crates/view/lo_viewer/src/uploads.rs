@@ -60,11 +60,6 @@ impl Uploads {
         Ok(())
     }
 
-    /// Takes all waiting files.
-    pub fn take_waiting(&self) -> HashMap<String, Vec<u8>> {
-        std::mem::take(&mut self.lock().waiting)
-    }
-
     /// Sets the size of the session's meshes.
     pub fn set_meshes(&self, bytes: usize) {
         self.lock().meshes = bytes;
@@ -93,6 +88,16 @@ impl Reservation {
         self.bytes += bytes;
         Ok(())
     }
+
+    /// Takes all waiting files and counts their bytes.
+    pub fn take_waiting(&mut self) -> HashMap<String, Vec<u8>> {
+        let mut files = self.uploads.lock();
+        let waiting = std::mem::take(&mut files.waiting);
+        let bytes: usize = waiting.values().map(Vec::len).sum();
+        files.reserved += bytes;
+        self.bytes += bytes;
+        waiting
+    }
 }
 
 impl Drop for Reservation {
@@ -120,7 +125,10 @@ mod tests {
         assert_eq!(uploads.keep("a.mtl".into(), vec![0; 6]), Ok(()));
         let mut part = uploads.reserve();
         assert_eq!((part.add(4), part.add(1)), (Ok(()), Err(TooManyUploads)));
-        assert!(uploads.take_waiting().is_empty());
+        assert!(part.take_waiting().is_empty());
+        // Waiting files count while the file that they belong to is read.
+        assert_eq!(uploads.keep("b.mtl".into(), vec![0; 6]), Ok(()));
+        assert_eq!((part.take_waiting().len(), part.add(1)), (1, Err(TooManyUploads)));
         for index in 0..MAX_WAITING_FILES {
             assert_eq!(uploads.keep(index.to_string(), Vec::new()), Ok(()));
         }

@@ -184,7 +184,10 @@ impl Page {
 
     /// Returns the messages that arrive until there is none for some time.
     pub fn until_quiet(&mut self, pause: Duration) -> Vec<Value> {
-        std::iter::from_fn(|| self.received.recv_timeout(pause).ok()).filter_map(decoded).map(|(json, _)| json).collect()
+        std::iter::from_fn(|| self.received.recv_timeout(pause).ok())
+            .filter_map(decoded)
+            .map(|(json, _)| json)
+            .collect()
     }
 
     /// Returns code and reason with which the program closes the connection; `None` if another message comes first.

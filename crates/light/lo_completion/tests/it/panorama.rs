@@ -358,9 +358,9 @@ fn invalid_panoramas_are_rejected_and_bad_values_cleaned() {
     assert!(usual().check().is_ok());
     for (wrong, what) in [
         (usual().at(Vec3::new(0.0, 1e30, 0.0)), "its position must be within ± 10000 m"),
-        (PanoramaPrior { exposure: Some(1e30), ..usual() }, "its exposure must be within ± 40 stops"),
-        (PanoramaPrior { exposure: Some(0.0), ..usual() }, "its exposure must be within ± 40 stops"),
-        (PanoramaPrior { yaw_rad: Some(f32::NAN), ..usual() }, "its yaw must be within"),
+        (with_hints(usual(), None, Some(1e30)), "its exposure must be within ± 40 stops"),
+        (with_hints(usual(), None, Some(0.0)), "its exposure must be within ± 40 stops"),
+        (with_hints(usual(), Some(f32::NAN), None), "its yaw must be within"),
     ] {
         let error = wrong.check().unwrap_err().to_string();
         assert!(error.starts_with(what), "{error}");
