@@ -25,7 +25,18 @@ fn devices_and_pipes_are_refused() {
             &["insert", "room.scene", "--mesh", "builtin:sphere", "--path", file, "--frames", "2", "-o", "a_%04d.png"],
             &["probes", "room.scene", "--points", file, "-o", "probes"],
             &["probes", "room.scene", "--path", file, "--frames", "2", "-o", "probes"],
-            &["estimate", "photo.png", "photo.png", "--poses", file, "--completion", "shell", "-o", "b.scene"],
+            &[
+                "estimate",
+                "photo.png",
+                "photo.png",
+                "--depth",
+                "depth.png",
+                "depth.png",
+                "--poses",
+                file,
+                "-o",
+                "b.scene",
+            ],
             #[cfg(feature = "depth-models")]
             &["estimate", "photo.png", "--depth-model", file, "--completion", "shell", "-o", "b.scene"],
         ] {

@@ -5,11 +5,12 @@ use std::net::{TcpListener, TcpStream};
 use std::process::Stdio;
 use std::time::Duration;
 
+use lo_imaging::Image;
 use serde_json::{Value, json};
 
-use crate::cli::{room_with_scene, write_mesh};
-use crate::support::refused;
+use crate::cli::{room, room_with_scene, write_mesh};
 use crate::support::view::{Page, Viewer};
+use crate::support::{done, refused};
 
 fn is_scene(message: &Value) -> bool {
     message["type"] == "scene"
@@ -87,11 +88,17 @@ fn silent_pages_make_way_and_others_are_told_why_they_wait() {
 
 #[test]
 fn a_stalled_download_is_stopped() {
-    let folder = room_with_scene();
+    let folder = room();
+    // Frames of 2 MB fill the buffers soon.
+    let photo = Image::from_fn(1440, 960, |_, y| if y > 500 { [90, 85, 80] } else { [150, 160, 170] });
+    let path = folder.path().join("photo.png");
+    lo_imaging::write_srgb8(path, &photo, 95, lo_imaging::GENERATOR).unwrap();
+    let estimate = ["estimate", "photo.png", "--depth", "depth.png", "--hfov-deg", "65", "--completion", "shell"];
+    done(folder.path(), &[&estimate[..], &["-o", "room.scene"]].concat());
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     let mut page = viewer.page();
     page.receive("the scene", is_scene);
-    page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [40, 90] }));
+    page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [400, 900] }));
     page.act(&json!({ "do": "set-key", "object": 1, "time_s": 0 }));
     page.act(&json!({ "do": "frames", "frames": 100_000, "fps": 24 }));
     page.receive("the frames", |message| message["view"]["timeline"]["frames"] == 100_000);
@@ -104,7 +111,7 @@ fn a_stalled_download_is_stopped() {
     // Nothing of it is read, so it stalls when all buffers are full.
     let stalled = begin();
     page.receive("progress", |message| message["type"] == "film" && message["done"].as_u64() > Some(0));
-    let said = page.until_quiet(Duration::from_secs(3));
+    let said = page.until_quiet(Duration::from_secs(6));
     assert!(said.iter().all(|message| message["ended"].is_null()), "{said:?}");
     page.send(&json!({ "type": "stop-film" }));
     page.receive("the end", |message| message["type"] == "film" && message["ended"] == "stopped");
