@@ -152,7 +152,8 @@ impl Page {
         let (sender, received) = channel();
         std::thread::spawn(move || {
             while let Ok(message) = reader.read() {
-                if sender.send(message).is_err() {
+                // Reading a ping answers it.
+                if !message.is_ping() && sender.send(message).is_err() {
                     break;
                 }
             }

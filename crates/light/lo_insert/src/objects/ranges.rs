@@ -40,7 +40,7 @@ impl Range {
         match values.into_iter().find(|value| !self.values.contains(value)) {
             Some(found) => {
                 let Self { field, values, unit } = self;
-                Err(format!("\"{field}\" must be from {} to {} {unit}, got {found}", values.start(), values.end()))
+                Err(format!("\"{field}\" must be from {} to {} {unit}, got {found:?}", values.start(), values.end()))
             }
             None => Ok(()),
         }
