@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use lightoctree::LightPurpose;
 use lo_cone::Rendering;
-use lo_geometry::{Orientation, Vec3};
+use lo_geometry::{Orientation, Vec3, is_position};
 use lo_imaging as imaging;
 use lo_imaging::{EnvironmentLayout, RadianceImage};
 use lo_insert as insert;
@@ -106,6 +106,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         }
         (None, None) => return Err(Usage("give the position with --at X,Y,Z or --pixel U,V".into()).into()),
     };
+    if !is_position(at) {
+        return Err(Usage(format!("--lift {} places the map more than 10 km away", args.lift)).into());
+    }
     if let Some(position) = environment::unusual_position(&scene, at) {
         stages.note(&format!("({}, {}, {}) is {position}", at.x, at.y, at.z));
     }

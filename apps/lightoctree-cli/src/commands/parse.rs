@@ -1,12 +1,16 @@
 //! Parsers of option values such as `X,Y,Z` and `WxH`.
 
-use lo_geometry::Vec3;
+use lo_geometry::{MAX_COORDINATE_M, Vec3, is_position};
 use lo_scene::{LightColor, MAX_KELVIN, MIN_KELVIN};
 
-/// Parses `X,Y,Z` in metres.
+/// Parses `X,Y,Z` in metres, each within ± 10 km.
 pub fn point(text: &str) -> Result<Vec3, String> {
     let point = Vec3::from_array(numbers(text, "X,Y,Z")?.map(|coordinate| coordinate as f32));
-    if point.is_finite() { Ok(point) } else { Err(format!("`{text}` is too large")) }
+    if is_position(point) {
+        Ok(point)
+    } else {
+        Err(format!("coordinates must be from -{MAX_COORDINATE_M} to {MAX_COORDINATE_M} m"))
+    }
 }
 
 /// Parses `X,Y,Z` of any length above zero, and normalizes it.
@@ -155,10 +159,10 @@ pub fn warmth(text: &str) -> Result<f64, String> {
     within(text, 4.0, "stops")
 }
 
-/// Parses a finite number above 0.
+/// Parses a number above 0 and at most 10¹².
 pub fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
-    if value.is_finite() && value > 0.0 { Ok(value) } else { Err("must be a finite number above 0".into()) }
+    if value > 0.0 && value <= 1e12 { Ok(value) } else { Err("must be above 0 and at most 1e12".into()) }
 }
 
 /// Parses an angle within ± 3600 degrees.
@@ -197,8 +201,9 @@ mod tests {
         assert_eq!(point("1,2"), Err("X,Y,Z needs 3 numbers, got 2".into()));
         assert_eq!(point("1,b,2"), Err("`b` in X,Y,Z is not a number".into()));
         assert_eq!(point("1,nan,2"), Err("NaN in X,Y,Z is not a finite number".into()));
-        // Finite in f64, not in f32.
-        assert_eq!(point("1e39,0,0"), Err("`1e39,0,0` is too large".into()));
+        for far in ["1e39,0,0", "0,1e30,0", "0,0,-10001"] {
+            assert_eq!(point(far), Err("coordinates must be from -10000 to 10000 m".into()));
+        }
         for length in ["1e-300", "1e-30", "2", "1e30", "1e300"] {
             assert_eq!(direction(&format!("0,-{length},0")), Ok(Vec3::NEG_Y));
         }
@@ -222,6 +227,8 @@ mod tests {
         assert!(["900K", "warm", "0,0,0", "1,2", "-1,1,1", "nanK"].iter().all(|text| light_color(text).is_err()));
         assert_eq!(extent("1.2,0.3"), Ok([1.2, 0.3]));
         assert!(extent("1,0").is_err() && extent("1").is_err());
-        assert!(positive("0").is_err() && positive("inf").is_err() && positive("2").is_ok());
+        assert!(
+            positive("0").is_err() && positive("inf").is_err() && positive("1e30").is_err() && positive("2").is_ok()
+        );
     }
 }

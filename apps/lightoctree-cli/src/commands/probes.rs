@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use lightoctree::{Cancelled, Estimate, LightPurpose};
 use lo_cone::Rendering;
-use lo_geometry::Vec3;
+use lo_geometry::{MAX_COORDINATE_M, Vec3};
 use lo_insert as insert;
 use lo_insert::PathPlacement;
 use serde_json::json;
@@ -156,7 +156,7 @@ fn probes(args: &Args, estimate: &Estimate) -> anyhow::Result<Vec<Probe>> {
         check_count(total)?;
         numbered(lightoctree::probe_grid(estimate, counts))
     } else if let (Some(path), Some(frames)) = (&args.path, args.frames) {
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let text = super::read_text(path)?;
         let path = insert::Path::from_json(&text).with_context(|| format!("{}", path.display()))?;
         let placements = path.placements(estimate, &PathPlacement::default(), frames as usize)?;
         numbered(placements.into_iter().map(|placement| placement.position_m).collect())
@@ -178,7 +178,7 @@ fn check_count(count: usize) -> anyhow::Result<()> {
 }
 
 fn read_points(path: &Path) -> anyhow::Result<Vec<Probe>> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let text = super::read_text(path)?;
     points_from_csv(&text).with_context(|| format!("{}", path.display()))
 }
 
@@ -206,11 +206,9 @@ pub fn points_from_csv(text: &str) -> anyhow::Result<Vec<Probe>> {
         }
         let mut xyz = [0.0f32; 3];
         for (value, (cell, axis)) in xyz.iter_mut().zip(record.iter().zip(["x", "y", "z"])) {
-            *value = cell
-                .parse()
-                .ok()
-                .filter(|v: &f32| v.is_finite())
-                .with_context(|| format!("line {line}: {axis} is `{cell}`, not a finite number"))?;
+            *value = cell.parse().ok().filter(|v: &f32| v.abs() <= MAX_COORDINATE_M).with_context(|| {
+                format!("line {line}: {axis} is `{cell}`, not a number within ± {MAX_COORDINATE_M}")
+            })?;
         }
         let name = record
             .get(3)
@@ -244,7 +242,7 @@ mod tests {
     fn bad_lines_are_named() {
         let message = |text: &str| points_from_csv(text).err().unwrap().to_string();
         assert_eq!(message("1,2\n"), "line 1: expected x,y,z and an optional name, got 2 cells");
-        assert_eq!(message("0,0,0\n1,inf,2\n"), "line 2: y is `inf`, not a finite number");
+        assert_eq!(message("0,0,0\n1,inf,2\n"), "line 2: y is `inf`, not a number within ± 10000");
         assert_eq!(message("0,0,0,../a\n"), "line 1: `../a` cannot be a file name");
         assert_eq!(message("0,0,0,a\n0,0,0,a\n"), "line 2: duplicate name `a`");
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
+use lo_imaging as imaging;
 #[cfg(feature = "depth-models")]
 use lo_viewer::ReadDepthModel;
 use lo_viewer::{MakeEstimator, NamedFile, Options, PhotoSource, PublicOrigin, SceneSource};
@@ -12,6 +13,7 @@ use lo_viewer::{MakeEstimator, NamedFile, Options, PhotoSource, PublicOrigin, Sc
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
 use super::parse;
+use super::token::TokenArgs;
 use crate::args::Global;
 use crate::usage::Usage;
 use crate::warning_text::warning_text;
@@ -25,7 +27,7 @@ use crate::{interrupt, report};
     lightoctree view photo.jpg --depth depth.png\n  \
     lightoctree view photo.jpg --depth-model moge-2-vits-normal.onnx\n  \
     lightoctree view\n  \
-    lightoctree view room.scene --bind 0.0.0.0 --port 8080 --token a-long-secret-of-mine\n  \
+    lightoctree view room.scene --bind 0.0.0.0 --port 8080\n  \
     lightoctree view room.scene --port 8080 --public-origin https://light.example\n\n\
     The page is served until Ctrl-C, only to this machine, at an address with a random token. docs/viewer.md describes it.")]
 pub struct Args {
@@ -56,18 +58,22 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     port: Option<u16>,
 
-    /// IP address to listen on; anyone who can reach it and has the token can use the page [default: this machine only]
-    #[arg(long, value_name = "ADDRESS", requires = "token")]
+    /// IP address to listen on, 0.0.0.0 for all; anyone who can reach it and has the token can use the page [default:
+    /// this machine only]
+    #[arg(long, value_name = "ADDRESS")]
     bind: Option<IpAddr>,
 
-    /// Origin of a TLS proxy through which browsers reach the page: scheme and host
+    /// Origin under which browsers reach the page, of a TLS proxy or a host name: scheme and host
     #[arg(long, value_name = "URL")]
     public_origin: Option<PublicOrigin>,
 
-    /// Token in the address: 16 to 200 letters, digits and hyphens [default: random]
-    #[arg(long, value_name = "TOKEN", value_parser = token)]
-    token: Option<String>,
+    #[command(flatten)]
+    token: TokenArgs,
 }
+
+/// Warning about `--bind` without a TLS proxy.
+const NOT_ENCRYPTED: &str = "nothing is encrypted: anyone who sees the network traffic can read the address with its \
+    token, the photo and all files, and take over the page; use a TLS proxy with --public-origin, or ssh -L (docs/viewer.md)";
 
 /// Serves the page until Ctrl-C.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
@@ -81,15 +87,20 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let options = Options {
         bind: args.bind.unwrap_or(Options::LOOPBACK),
         port: args.port.unwrap_or(0),
-        token: args.token.clone(),
+        token: args.token.token()?,
         warning_text,
         public_origin: args.public_origin.clone(),
         estimator,
         source,
     };
     let (open, quiet) = (args.open, global.quiet);
+    let is_encrypted = args.public_origin.as_ref().is_some_and(PublicOrigin::is_https);
+    let is_exposed = !options.bind.is_loopback() && !is_encrypted;
     let ready = move |address: &str| {
         report::print(address);
+        if is_exposed {
+            eprintln!("  warning: {NOT_ENCRYPTED}");
+        }
         if !quiet {
             eprintln!("  note: press Ctrl-C to stop the viewer");
         }
@@ -157,8 +168,11 @@ fn depth_model(args: &DepthModelArgs) -> Option<(String, ReadDepthModel)> {
 }
 
 fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
-    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+    imaging::read_regular_file(path, MAX_FILE_BYTES).with_context(|| format!("cannot read {}", path.display()))
 }
+
+/// Longest scene, photo and panorama, bytes.
+const MAX_FILE_BYTES: u64 = 1 << 33;
 
 /// Whether a file is in safetensors format: 8 bytes of length, then a JSON object.
 fn is_scene(bytes: &[u8]) -> bool {
@@ -176,13 +190,4 @@ fn open_in_browser(address: &str) -> std::io::Result<()> {
         std::process::Command::new("xdg-open")
     };
     command.arg(address).spawn().map(|_| ())
-}
-
-fn token(text: &str) -> Result<String, String> {
-    let is_plain = text.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
-    if (16..=200).contains(&text.len()) && is_plain {
-        Ok(text.to_owned())
-    } else {
-        Err("a token consists of 16 to 200 letters, digits and hyphens".to_owned())
-    }
 }

@@ -8,7 +8,9 @@ mod cli;
 mod depth_models;
 #[cfg(all(feature = "depth-models", feature = "weights"))]
 mod given_input;
+mod hostile;
 mod photos;
 mod unwrap;
 mod view;
+mod view_access;
 mod view_in_browser;

@@ -408,8 +408,8 @@ fn others_are_refused_with_a_reason() {
     assert_eq!(viewer.request("POST", &upload, &[&own, "Content-Length: 1"], b"x").0, 400);
     assert!(viewer.is_alive());
     let bind = ["view", "room.scene", "--bind", "0.0.0.0"];
-    assert!(refused(folder.path(), 2, &bind).contains("--token"));
     assert!(refused(folder.path(), 2, &[&bind[..], &["--token", "short"]].concat()).contains("16"));
+    assert!(refused(folder.path(), 2, &[&bind[..], &["--token", "12345678901234567890"]].concat()).contains("easy"));
     assert!(refused(folder.path(), 1, &["view", "no.scene"]).contains("no.scene"));
 }
 

@@ -7,8 +7,8 @@ use serde_json::Value;
 use crate::cli::{room_with_expected_light, room_with_scene};
 use crate::support::browser::Browser;
 use crate::support::done;
-use crate::support::tls_proxy::TlsProxy;
-use crate::support::view::Viewer;
+use crate::support::tls_proxy::{TlsProxy, free_port};
+use crate::support::view::{Page, Viewer};
 
 /// Returns the page position of a photo position.
 fn on_page(browser: &mut Browser, [u, v]: [f64; 2]) -> [f64; 2] {
@@ -761,4 +761,44 @@ fn the_page_works_behind_a_tls_proxy() {
     browser.wait("viewer.page.view.objects.length === 1");
     browser.wait(FINAL);
     assert_eq!(browser.value("location.protocol"), "https:");
+}
+
+#[test]
+fn the_command_is_copied_over_plain_http() {
+    let Some(mut browser) = Browser::start("copying over http") else { return };
+    let folder = room_with_scene();
+    let port = free_port().to_string();
+    let origin = format!("http://studio.example:{port}");
+    let args = ["room.scene", "--port", &port, "--public-origin", &origin];
+    let viewer = Viewer::start_with(folder.path(), &args, |command| command);
+    browser.open(&viewer.address, [1280, 720]);
+    browser.wait("document.body.dataset.at === 'scene'");
+    // Without the clipboard's interface, as in pages of other machines.
+    assert_eq!(browser.value("[isSecureContext, Boolean(navigator.clipboard)]"), serde_json::json!([false, false]));
+    press(&mut browser, "Chrome sphere");
+    browser.wait("!document.getElementById('copy').hidden");
+    browser.value("document.addEventListener('copy', () => { globalThis.copied = getSelection().toString(); })");
+    let at = browser.value(
+        "(() => { const box = document.getElementById('copy').getBoundingClientRect();
+           return [box.left + box.width / 2, box.top + box.height / 2]; })()",
+    );
+    let at = [at[0].as_f64().unwrap(), at[1].as_f64().unwrap()];
+    for kind in ["mouseMoved", "mousePressed", "mouseReleased"] {
+        browser.mouse(kind, at);
+    }
+    browser.wait("globalThis.copied === viewer.page.view.command");
+    browser.wait("document.getElementById('messages').textContent.includes('copied')");
+}
+
+#[test]
+fn a_page_too_many_says_so_and_opens_later() {
+    let Some(mut browser) = Browser::start("too many pages") else { return };
+    let folder = room_with_scene();
+    let viewer = Viewer::start(folder.path(), &["room.scene"]);
+    let mut pages: Vec<Page> = (0..16).map(|_| viewer.page()).collect();
+    pages.iter_mut().for_each(|page| drop(page.receive("the scene", |message| message["type"] == "scene")));
+    browser.open(&viewer.address, [1280, 720]);
+    browser.wait("document.getElementById('status').textContent.startsWith('too many pages are open')");
+    pages.pop();
+    browser.wait("document.body.dataset.at === 'scene'");
 }

@@ -21,16 +21,32 @@ pub struct Camera {
     pub height: u32,
 }
 
+/// Smallest focal length, as a share of the image's shorter side: 177° across it.
+const MIN_FOCAL: f64 = 0.02;
+
+/// Largest focal length, as a multiple of the image's longer side: 0.06° across it.
+const MAX_FOCAL: f64 = 1000.0;
+
+/// Longest side of an image, pixels.
+const MAX_SIDE: u32 = 1 << 20;
+
 /// Errors of invalid intrinsics.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
-    /// A focal length is zero, negative, NaN or infinite.
-    #[error("focal lengths must be positive and finite, got fx = {fx}, fy = {fy}")]
+    /// A focal length is not that of a pinhole camera with an image of this size.
+    #[error(
+        "focal lengths of a {width} × {height} image must be from {} to {} pixels, got fx = {fx}, fy = {fy}",
+        MIN_FOCAL * f64::from(*width.min(height)), MAX_FOCAL * f64::from(*width.max(height))
+    )]
     FocalLength {
         /// Horizontal focal length as given.
         fx: f64,
         /// Vertical focal length as given.
         fy: f64,
+        /// Image width in pixels.
+        width: u32,
+        /// Image height in pixels.
+        height: u32,
     },
     /// The principal point is outside the image.
     #[error(
@@ -47,9 +63,9 @@ pub enum CameraError {
         /// Image height in pixels.
         height: u32,
     },
-    /// The image has no pixels.
-    #[error("the image has no pixels ({width} × {height})")]
-    Empty {
+    /// The image has no pixels, or too many.
+    #[error("the image has {width} × {height} pixels; each side must have 1 to {MAX_SIDE}")]
+    Size {
         /// Image width in pixels.
         width: u32,
         /// Image height in pixels.
@@ -64,13 +80,15 @@ impl Camera {
     /// Creates a camera from intrinsics in pixels.
     ///
     /// # Errors
-    /// [`CameraError`] for an empty image, a focal length that is not positive, or a principal point outside the image.
+    /// [`CameraError`] for an empty image, a focal length of no pinhole camera (below 2 % of the image's shorter side or
+    /// above 1000 times its longer side), or a principal point outside the image.
     pub fn new(fx: f64, fy: f64, cx: f64, cy: f64, width: u32, height: u32) -> Result<Self, CameraError> {
-        if width == 0 || height == 0 {
-            return Err(CameraError::Empty { width, height });
+        if ![width, height].iter().all(|side| (1..=MAX_SIDE).contains(side)) {
+            return Err(CameraError::Size { width, height });
         }
-        if !(fx.is_finite() && fy.is_finite() && fx > 0.0 && fy > 0.0) {
-            return Err(CameraError::FocalLength { fx, fy });
+        let focal_range = MIN_FOCAL * f64::from(width.min(height))..=MAX_FOCAL * f64::from(width.max(height));
+        if ![fx, fy].iter().all(|focal| focal_range.contains(focal)) {
+            return Err(CameraError::FocalLength { fx, fy, width, height });
         }
         let inside = (0.0..=f64::from(width)).contains(&cx) && (0.0..=f64::from(height)).contains(&cy);
         if !inside {
@@ -82,7 +100,7 @@ impl Camera {
     /// Creates a camera with square pixels and a centred principal point from its horizontal field of view in degrees.
     ///
     /// # Errors
-    /// [`CameraError`] for an empty image or an angle outside 1° to 170°.
+    /// Those of [`Camera::new`], and [`CameraError::FieldOfView`] for an angle outside 1° to 170°.
     pub fn from_hfov_deg(hfov_deg: f64, width: u32, height: u32) -> Result<Self, CameraError> {
         if !(1.0..=170.0).contains(&hfov_deg) {
             return Err(CameraError::FieldOfView(hfov_deg));
@@ -175,7 +193,17 @@ mod tests {
         assert!(matches!(Camera::new(1.0, 1.0, 9.0, 0.0, 4, 4), Err(CameraError::PrincipalPoint { .. })));
         assert!(matches!(Camera::new(1.0, 1.0, f64::NAN, 0.0, 4, 4), Err(CameraError::PrincipalPoint { .. })));
         assert!(matches!(Camera::from_hfov_deg(180.0, 4, 4), Err(CameraError::FieldOfView(_))));
-        assert!(matches!(Camera::new(1.0, 1.0, 0.0, 0.0, 0, 4), Err(CameraError::Empty { .. })));
+        assert!(matches!(Camera::new(1.0, 1.0, 0.0, 0.0, 0, 4), Err(CameraError::Size { .. })));
+        assert!(matches!(Camera::new(1.0, 1.0, 0.0, 0.0, 4, u32::MAX), Err(CameraError::Size { .. })));
+        // Both ends of the range of focal lengths of a 640 × 480 image: 9.6 and 640,000 pixels.
+        for focal in [0.001, 9.59, 640_001.0, f64::INFINITY, -500.0] {
+            let error = Camera::new(focal, 500.0, 320.0, 240.0, 640, 480).unwrap_err().to_string();
+            let range = "focal lengths of a 640 × 480 image must be from 9.6 to 640000 pixels";
+            assert!(error.starts_with(range), "{error}");
+            assert!(Camera::new(500.0, focal, 320.0, 240.0, 640, 480).is_err());
+        }
+        assert!(Camera::new(9.6, 640_000.0, 320.0, 240.0, 640, 480).is_ok());
+        assert!(Camera::from_hfov_deg(170.0, 480, 640).is_ok() && Camera::from_hfov_deg(1.0, 640, 480).is_ok());
     }
 
     proptest! {

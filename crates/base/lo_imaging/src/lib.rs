@@ -39,6 +39,7 @@ mod projection;
 mod raster;
 mod raster_decoder;
 mod read;
+mod read_file;
 mod resize;
 mod rgbe;
 mod sh;
@@ -86,6 +87,7 @@ pub use read::{
     read_depth, read_depth_file, read_exr_channels, read_inverse_depth, read_photo, read_radiance, read_rgba8,
     rgba8_from_bytes, size_from_bytes,
 };
+pub use read_file::{open_regular_file, read_regular_file, read_regular_text};
 pub use resize::{resize, resize_depth};
 pub use sh::Sh9;
 pub use tone::ToneCurve;

@@ -4,6 +4,7 @@ use crate::depth::DepthFile;
 use crate::encoded_image::EncodedImage;
 use crate::exr_read::{self, ExrChannels};
 use crate::pfm::Pfm;
+use crate::read_file::read_regular_file;
 use crate::unreadable::{self, Unreadable};
 use crate::{
     DepthMap, Format, Image, ImageError, Photo, PhotoFile, PhotoNote, RadianceImage, depth, finite, pfm, raster,
@@ -181,14 +182,7 @@ fn open<'a>(bytes: &'a [u8], name: &'a str, expected: &'static str) -> Result<En
 }
 
 fn read_file(path: &Path) -> Result<(Vec<u8>, String), ImageError> {
-    let io = |source| ImageError::Io { path: path.to_owned(), source };
-    let metadata = std::fs::metadata(path).map_err(io)?;
-    if metadata.is_dir() {
-        return Err(io(std::io::ErrorKind::IsADirectory.into()));
-    }
-    if metadata.len() > MAX_FILE_BYTES {
-        let limit = format!("the file is too large: {} bytes, the limit is {MAX_FILE_BYTES}", metadata.len());
-        return Err(io(std::io::Error::other(limit)));
-    }
-    Ok((std::fs::read(path).map_err(io)?, path.display().to_string()))
+    let bytes =
+        read_regular_file(path, MAX_FILE_BYTES).map_err(|source| ImageError::Io { path: path.to_owned(), source })?;
+    Ok((bytes, path.display().to_string()))
 }

@@ -1,11 +1,15 @@
 use std::path::{Path, PathBuf};
 
 use lo_geometry::Vec3;
+use lo_imaging::read_regular_file;
 
 use crate::model::Resolver;
 use crate::{
     GlbScene, GlbTooLarge, LoadOptions, Material, MeshError, Model, gltf, normals, obj, ply, repair, stl, tangents,
 };
+
+/// Longest mesh file, and file that a mesh refers to, bytes.
+pub(crate) const MAX_FILE_BYTES: u64 = 4 << 30;
 
 impl Model {
     /// Reads glTF 2.0 (`.gltf`, `.glb`), Wavefront OBJ (with its MTL), PLY or STL.
@@ -14,12 +18,14 @@ impl Model {
     /// folder.
     ///
     /// # Errors
-    /// [`MeshError`], naming the file. Missing textures are warnings: see [`Model::warnings`].
+    /// [`MeshError`], naming the file; also for devices, pipes and files of more than 4 GiB. Missing textures are warnings:
+    /// see [`Model::warnings`].
     pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Self, MeshError> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.to_owned(), source })?;
+        let bytes = read_regular_file(path, MAX_FILE_BYTES)
+            .map_err(|source| MeshError::Io { path: path.to_owned(), source })?;
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-        let resolve = |name: &str| read_file(&folder.join(local_path(name)));
+        let resolve = |name: &str| read_regular_file(folder.join(local_path(name)), MAX_FILE_BYTES);
         Self::from_bytes(path, &bytes, &resolve, options)
     }
 
@@ -138,15 +144,6 @@ impl Model {
         repair::repair(&mut self)?;
         tangents::complete(&mut self);
         Ok(self)
-    }
-}
-
-/// Reads a file that a mesh refers to. Only regular files: devices and pipes may be endless.
-fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
-    if std::fs::metadata(path)?.is_file() {
-        std::fs::read(path)
-    } else {
-        Err(std::io::Error::other("not a regular file"))
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::load::MAX_FILE_BYTES;
 use crate::{AlphaMode, Material, MeshError, MeshWarning, Model, Texture, TextureRef, tangents};
 
 /// Name, linear base colour, metalness and roughness of each preset.
@@ -258,7 +259,7 @@ impl Model {
                 self.warnings.push(MeshWarning::texture(file, "the mesh has no texture coordinates"));
                 continue;
             }
-            let bytes = std::fs::read(base_dir.join(file))
+            let bytes = lo_imaging::read_regular_file(base_dir.join(file), MAX_FILE_BYTES)
                 .map_err(|error| MeshError::Texture { name: file.clone(), reason: error.to_string() })?;
             textures.push(Texture::from_bytes(file, &bytes, srgb)?);
             *slot = Some(TextureRef::new(textures.len() - 1));

@@ -206,10 +206,7 @@ impl ModelConfig {
     /// A file that cannot be read, or is not a valid config; the message names the line.
     pub fn read(path: &Path) -> Result<Self, ModelError> {
         let named = |source| ModelError::Read { path: path.display().to_string(), source };
-        if std::fs::metadata(path).map_err(named)?.len() > MAX_CONFIG_BYTES {
-            return Err(ModelError::Config(format!("{} has more than {MAX_CONFIG_BYTES} bytes", path.display())));
-        }
-        Self::parse(&std::fs::read_to_string(path).map_err(named)?)
+        Self::parse(&lo_imaging::read_regular_text(path, MAX_CONFIG_BYTES).map_err(named)?)
     }
 
     /// Parses the text of a config.

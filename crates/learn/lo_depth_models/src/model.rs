@@ -1,12 +1,11 @@
 use std::collections::HashMap;
-use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use lo_events::{OnEvent, stage};
 use lo_geometry::Camera;
-use lo_imaging::Image;
+use lo_imaging::{Image, open_regular_file};
 
 use crate::error::short;
 use crate::facts::Known;
@@ -63,14 +62,7 @@ impl DepthModel {
             }
             error => error,
         };
-        let file = File::open(path).map_err(ModelError::read).map_err(named)?;
-        let metadata = file.metadata().map_err(ModelError::read).map_err(named)?;
-        if metadata.len() > MAX_FILE_BYTES {
-            return Err(ModelError::TooLarge(format!(
-                "its file has {} bytes, the limit is {MAX_FILE_BYTES}",
-                metadata.len()
-            )));
-        }
+        let (file, _) = open_regular_file(path, MAX_FILE_BYTES).map_err(ModelError::read).map_err(named)?;
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let folder = path.parent().map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
         Self::of(BufReader::new(file), folder, &short(&name), config).map_err(named)

@@ -278,6 +278,10 @@ impl Planner<'_> {
             .filter_map(|(fact, name)| fact.map(|fact| (name.clone(), fact.dims.clone(), fact.known.clone())))
             .filter_map(|(name, dims, known)| known.map(|known| (name, dims, known)))
             .collect();
+        if divides_smallest_integer(node, &given) {
+            let why = "it divides the smallest integer by -1, which overflows".to_owned();
+            return Err(ModelError::Node { node: node.label(), why });
+        }
         (self.evaluate)(node, &given)
     }
 
@@ -510,6 +514,15 @@ fn with_steps(node: &Node, inputs: &[Option<&Fact>]) -> Node {
         Some(_) => node,
         None => node.with(name, AttributeValue::Ints(values)),
     })
+}
+
+/// Returns whether an integer division may overflow, which makes rten panic.
+fn divides_smallest_integer(node: &Node, given: &[(String, Vec<usize>, Known)]) -> bool {
+    let has = |name: Option<&String>, value: i32| {
+        let known = given.iter().find(|(given, ..)| Some(given) == name).map(|(_, _, known)| known);
+        matches!(known, Some(Known::Ints(values)) if values.contains(&value))
+    };
+    matches!(node.op.as_str(), "Div" | "Mod") && has(node.inputs.first(), i32::MIN) && has(node.inputs.get(1), -1)
 }
 
 /// Values of a small tensor, if the runtime stores its type as 32-bit integers or in single precision.

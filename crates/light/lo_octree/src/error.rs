@@ -18,8 +18,11 @@ pub enum OctreeError {
         /// Depth of the octree.
         depth: u32,
     },
-    /// The cube has no volume, or is not finite.
-    #[error("the cube must have a finite corner and a positive edge, got corner {origin_m:?} m and edge {edge_m} m")]
+    /// The cube's corner or edge is out of range.
+    #[error(
+        "the cube's edge must be from {min} to {max} m and its corner within ± {max} m, got corner {origin_m:?} m and edge {edge_m} m",
+        min = crate::MIN_CUBE_EDGE_M, max = crate::MAX_CUBE_EDGE_M
+    )]
     Cube {
         /// Lowest corner in metres.
         origin_m: [f32; 3],
@@ -50,7 +53,7 @@ pub enum OctreeError {
         depth: u32,
     },
     /// A leaf's feature is not a radiance or an opacity.
-    #[error("leaf {index} holds {rgba:?}; radiance must be finite and not negative, opacity in [0, 1]")]
+    #[error("leaf {index} holds {rgba:?}; radiance must be from 0 to {max:e}, opacity in [0, 1]", max = crate::MAX_RADIANCE)]
     LeafFeature {
         /// Position of the leaf in the list.
         index: usize,

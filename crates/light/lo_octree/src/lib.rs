@@ -23,7 +23,7 @@ pub use find::node_middle_m;
 pub use key::{MAX_DEPTH, key_from_xyz, xyz_from_key};
 pub use leaves::BuildReport;
 pub use light::LightOctree;
-pub use limits::{FORMAT_VERSION, MAX_ALPHA, MAX_FULL_DEPTH};
+pub use limits::{FORMAT_VERSION, MAX_ALPHA, MAX_CUBE_EDGE_M, MAX_FULL_DEPTH, MAX_RADIANCE, MIN_CUBE_EDGE_M};
 pub use lobes::{MIN_SHARPNESS, lobe_gain};
 pub use neighbours::Neighbours;
 pub use point::{Provenance, RadiancePoint};

@@ -1,7 +1,7 @@
-use lo_geometry::{Cube, Vec3};
+use lo_geometry::Cube;
 
 use crate::{
-    BuildReport, MAX_ALPHA, Octree, OctreeError, RadiancePoint,
+    BuildReport, MAX_ALPHA, MAX_CUBE_EDGE_M, MAX_RADIANCE, MIN_CUBE_EDGE_M, Octree, OctreeError, RadiancePoint,
     leaves::{Leaves, average_points},
     pyramid::pyramid,
     sparse_leaves::merge_sparse_leaves,
@@ -38,7 +38,7 @@ impl LightOctree {
     /// leaves.
     ///
     /// # Errors
-    /// Depths out of range, a cube without volume.
+    /// Depths out of range, a cube out of range.
     pub fn from_points(
         points: &[RadiancePoint],
         cube: Cube,
@@ -99,11 +99,11 @@ impl LightOctree {
 
     /// Builds the octree from leaves of `depth` in strictly increasing order of their shuffled `keys`.
     ///
-    /// `rgba[i]` is linear RGB radiance (finite, not negative) and opacity in [0, 1]; `seen[i]` is the observed share,
+    /// `rgba[i]` is linear RGB radiance from 0 to [`MAX_RADIANCE`] and opacity in [0, 1]; `seen[i]` is the observed share,
     /// 0 to 255.
     ///
     /// # Errors
-    /// Depths out of range, a cube without volume, lists of different lengths, keys out of order, invalid features.
+    /// Depths out of range, a cube out of range, lists of different lengths, keys out of order, invalid features.
     pub fn from_leaves(
         keys: Vec<u32>,
         rgba: Vec<[f32; 4]>,
@@ -137,15 +137,15 @@ impl LightOctree {
     }
 }
 
-/// Returns whether a row holds finite, non-negative radiance and an opacity in [0, 1].
+/// Returns whether a row holds radiance from 0 to [`MAX_RADIANCE`] and an opacity in [0, 1].
 pub(crate) fn is_feature(rgba: &[f32; 4]) -> bool {
-    rgba.iter().all(|c| c.is_finite() && *c >= 0.0) && rgba[3] <= 1.0
+    rgba.iter().all(|c| (0.0..=MAX_RADIANCE).contains(c)) && rgba[3] <= 1.0
 }
 
-/// Returns an error for a cube that is not finite or has no volume.
+/// Returns an error for a cube whose corner or edge is out of range.
 pub(crate) fn check_cube(cube: Cube) -> Result<(), OctreeError> {
-    let far = cube.origin_m + Vec3::splat(cube.edge_m);
-    if cube.origin_m.is_finite() && far.is_finite() && cube.edge_m > 0.0 {
+    let is_near = cube.origin_m.to_array().iter().all(|coordinate| coordinate.abs() <= MAX_CUBE_EDGE_M);
+    if is_near && (MIN_CUBE_EDGE_M..=MAX_CUBE_EDGE_M).contains(&cube.edge_m) {
         Ok(())
     } else {
         Err(OctreeError::Cube { origin_m: cube.origin_m.to_array(), edge_m: cube.edge_m })

@@ -28,7 +28,7 @@ use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    FORMAT_VERSION, Level, LightOctree, Octree, OctreeError,
+    FORMAT_VERSION, Level, LightOctree, MAX_RADIANCE, Octree, OctreeError,
     light::{check_cube, is_feature},
     topology::check_depths,
 };
@@ -83,7 +83,8 @@ impl View for NamedTensor {
     }
 }
 
-/// Returns the header and the tensors of an octree, coarsest depth first.
+/// Returns the header and the tensors of an octree, coarsest depth first. Radiance above [`MAX_RADIANCE`] is stored as
+/// that, so that [`read_tensors`] accepts it.
 pub fn write_tensors(light: &LightOctree) -> (OctreeHeader, Vec<NamedTensor>) {
     let header = OctreeHeader {
         format_version: FORMAT_VERSION,
@@ -101,7 +102,12 @@ pub fn write_tensors(light: &LightOctree) -> (OctreeHeader, Vec<NamedTensor>) {
         push("children", Dtype::I32, &[nodes], level.children.iter().flat_map(|child| child.to_le_bytes()).collect());
         push("nonempty", Dtype::BOOL, &[nodes], level.rows.iter().map(|&row| u8::from(row >= 0)).collect());
         let rgba = light.rgba[depth].as_flattened();
-        push("rgba", Dtype::F32, &[rows, 4], rgba.iter().flat_map(|value| value.to_le_bytes()).collect());
+        push(
+            "rgba",
+            Dtype::F32,
+            &[rows, 4],
+            rgba.iter().flat_map(|value| value.min(MAX_RADIANCE).to_le_bytes()).collect(),
+        );
         push("seen", Dtype::U8, &[rows], light.seen[depth].clone());
         if let Some(lobes) = &light.lobes {
             let lobes = lobes[depth].as_flattened();
@@ -200,7 +206,7 @@ fn read_rgba(tensors: &SafeTensors<'_>, depth: u32, rows: usize) -> Result<Vec<[
     let rgba = words(bytes, f32::from_le_bytes).as_chunks().0.to_vec();
     match rgba.iter().position(|row| !is_feature(row)) {
         Some(index) => {
-            Err(OctreeError::Value { tensor, index, what: "is not finite radiance >= 0 with opacity in [0, 1]" })
+            Err(OctreeError::Value { tensor, index, what: "is not radiance from 0 to 1e14 with opacity in [0, 1]" })
         }
         None => Ok(rgba),
     }

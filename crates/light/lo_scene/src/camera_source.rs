@@ -29,9 +29,9 @@ impl CameraSource {
     }
 }
 
-/// Returns whether an angle is finite and not negative.
+/// Returns whether an angular error is from 0 to 360 degrees.
 pub(crate) fn is_deviation(deg: f32) -> bool {
-    deg.is_finite() && deg >= 0.0
+    (0.0..=360.0).contains(&deg)
 }
 
 impl fmt::Display for CameraSource {

@@ -2,20 +2,21 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
-use std::io::{Read, Write};
+use std::io::Write;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
 
 use half::f16;
 use lo_geometry::{Camera, Quat};
-use lo_imaging::{EncodedPhoto, Image, Photo, write_atomically};
-use lo_octree::{OctreeHeader, read_tensors, write_tensors};
+use lo_imaging::{EncodedPhoto, Image, Photo, read_regular_file, write_atomically};
+use lo_octree::{MAX_RADIANCE, OctreeHeader, read_tensors, write_tensors};
 use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
 use crate::camera_source::is_deviation;
 use crate::document_tensors::{Tensor, layout, tensor};
+use crate::frame::MAX_PHOTO_RADIANCE;
 use crate::photo_encoding_file::{self, EncodingHeader};
 use crate::{
     CameraSource, Completion, Estimate, EstimateOrigin, ExpectedLight, Frame, LightEdits, ObjectDisplay, OtherPhoto,
@@ -44,8 +45,8 @@ const OBJECTS: &str = "objects";
 /// Longest safetensors header that is parsed, bytes; typical headers have about 10 kB.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
 
-/// Longest file that is read, bytes.
-const MAX_FILE_BYTES: u64 = 1 << 33;
+/// Longest scene file that is read, bytes.
+pub const MAX_FILE_BYTES: u64 = 1 << 33;
 
 /// JSON block of the file.
 #[derive(Serialize, Deserialize)]
@@ -116,7 +117,7 @@ impl PanoramaHeader {
 
     fn is_valid(&self) -> bool {
         let unit = (self.world_from_panorama.length_squared() - 1.0).abs() < 1e-3;
-        self.scale.is_finite() && self.scale >= 1.0 && unit
+        (1.0..=MAX_RADIANCE).contains(&self.scale) && unit
     }
 }
 
@@ -151,17 +152,11 @@ impl SceneFile {
     /// Reads a scene file.
     ///
     /// # Errors
-    /// If the file cannot be read; the error names the path. Also returns all errors of [`SceneFile::from_bytes`].
+    /// If the file cannot be read, is not a regular file, or has more than [`MAX_FILE_BYTES`]; the error names the path.
+    /// Also returns all errors of [`SceneFile::from_bytes`].
     pub fn read(path: &Path) -> Result<Self, SceneError> {
-        let named = |source| SceneError::Read { path: path.display().to_string(), source };
-        let file = File::open(path).map_err(named)?;
-        let length = file.metadata().map_err(named)?.len();
-        if length > MAX_FILE_BYTES {
-            return Err(SceneError::TooLarge { bytes: length, most: MAX_FILE_BYTES });
-        }
-        let mut bytes = Vec::with_capacity(length as usize);
-        // The length of a pipe or of a growing file is not reliable.
-        file.take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(named)?;
+        let bytes = read_regular_file(path, MAX_FILE_BYTES)
+            .map_err(|source| SceneError::Read { path: path.display().to_string(), source })?;
         Self::from_bytes(&bytes)
     }
 
@@ -285,7 +280,8 @@ impl SceneFile {
         }
         let metadata: Metadata = serde_json::from_str(json).map_err(parse_error)?;
         if !metadata.room.as_ref().is_none_or(Room::is_valid) {
-            return Err(SceneError::Metadata("the room's directions must have unit length".to_owned()));
+            let what = "the room's directions must have unit length, and its planes be within 10 km";
+            return Err(SceneError::Metadata(what.to_owned()));
         }
         let deviations = metadata.up_deviation_deg.is_none_or(is_deviation);
         if !(deviations && metadata.camera_source.is_none_or(|source| source.is_valid())) {
@@ -342,9 +338,7 @@ fn read_photo(tensors: &SafeTensors<'_>, encoding: Option<&EncodingHeader>) -> R
         }
         (Dtype::F32, &[height, width, 3]) => {
             let values = floats(bytes);
-            if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-                return Err(SceneError::Value { tensor: "photo", index, value: values[index] });
-            }
+            check_values("photo", &values, -MAX_PHOTO_RADIANCE..=MAX_PHOTO_RADIANCE)?;
             Ok(Photo::Linear(Image::new(width, height, values.as_chunks().0.to_vec())))
         }
         _ => Err(layout("photo", "U8 or F32 [height, width, 3]", dtype, &shape)),
@@ -400,9 +394,7 @@ fn read_panorama_image(
     }
     let value = |&word: &[u8; 2]| f16::from_le_bytes(word).to_f32() * header.scale;
     let values: Vec<f32> = bytes.as_chunks().0.iter().map(value).collect();
-    if let Some(index) = values.iter().position(|value| !(value.is_finite() && *value >= 0.0)) {
-        return Err(SceneError::Value { tensor: name, index, value: values[index] });
-    }
+    check_values(name, &values, 0.0..=MAX_RADIANCE)?;
     let radiance = Image::new(width, height, values.as_chunks().0.to_vec());
     Ok(PanoramaImage { radiance, world_from_panorama: header.world_from_panorama })
 }
@@ -453,6 +445,16 @@ fn read_shares(
         depth.to_vec()
     });
     Ok(depths.collect())
+}
+
+fn check_values(tensor: &'static str, values: &[f32], range: RangeInclusive<f32>) -> Result<(), SceneError> {
+    match values.iter().position(|value| !range.contains(value)) {
+        Some(index) => {
+            let (least, most) = range.into_inner();
+            Err(SceneError::Value { tensor, index, value: values[index], least, most })
+        }
+        None => Ok(()),
+    }
 }
 
 fn floats(bytes: &[u8]) -> Vec<f32> {

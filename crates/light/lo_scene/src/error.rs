@@ -17,9 +17,24 @@ pub enum FrameError {
     /// The intrinsics are not those of a pinhole camera.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// The exposure is not a positive number.
-    #[error("the exposure must be positive and finite, got {0}")]
+    /// The exposure is out of range.
+    #[error("the exposure must be within ± 40 stops, a factor from 9.1e-13 to 1.1e12; got {0}")]
     Exposure(f32),
+    /// A linear photo consists of NaN and infinite values.
+    #[error("the photo has no finite value: every value is NaN or infinite")]
+    NoPixels,
+    /// A linear photo is too bright.
+    #[error(
+        "the photo's largest value is {largest:e}, its exposure {exposure}; values and radiance must not exceed {limit:e}"
+    )]
+    Radiance {
+        /// Largest absolute value.
+        largest: f32,
+        /// Factor from values to radiance.
+        exposure: f32,
+        /// Largest accepted radiance.
+        limit: f32,
+    },
     /// Photo and depth do not show the same field of view.
     #[error(
         "the depth map ({} × {}) and the photo ({} × {}) differ in aspect ratio by more than 2 %: they must show the same field \
@@ -67,14 +82,6 @@ pub enum SceneError {
     /// The file cannot be written; the message names the path.
     #[error(transparent)]
     Write(std::io::Error),
-    /// The file is too long.
-    #[error("the file has {bytes} bytes; scene files have at most {most}")]
-    TooLarge {
-        /// Length of the file, bytes.
-        bytes: u64,
-        /// Longest file that is read, bytes.
-        most: u64,
-    },
     /// The file is not a safetensors file, or is damaged.
     #[error("not a scene file, or a damaged one: {0}")]
     Container(String),
@@ -108,8 +115,8 @@ pub enum SceneError {
         /// Actual type and shape.
         got: String,
     },
-    /// A value is NaN or infinite.
-    #[error("tensor {tensor}, value {index} is {value}")]
+    /// A value is out of range.
+    #[error("tensor {tensor}, value {index} is {value}; it must be from {least:e} to {most:e}")]
     Value {
         /// Name of the tensor.
         tensor: &'static str,
@@ -117,6 +124,10 @@ pub enum SceneError {
         index: usize,
         /// The value.
         value: f32,
+        /// Smallest valid value.
+        least: f32,
+        /// Largest valid value.
+        most: f32,
     },
     /// Photo, depth and camera do not form a frame.
     #[error(transparent)]

@@ -1,3 +1,5 @@
+use std::ops::RangeInclusive;
+
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, RadianceImage};
 
@@ -16,6 +18,12 @@ const MAX_DEPTH_M: f32 = 200.0;
 
 /// Smallest valid median depth in metres; a smaller one means a wrong depth scale.
 const MIN_MEDIAN_DEPTH_M: f32 = 0.05;
+
+/// Largest radiance of a photo's pixel, its linear value times the exposure: 600 times the sun's luminance in cd/m².
+pub(crate) const MAX_PHOTO_RADIANCE: f32 = 1e12;
+
+/// Valid exposures, within ± 40 stops.
+pub(crate) const EXPOSURES: RangeInclusive<f32> = 1.0 / (1u64 << 40) as f32..=(1u64 << 40) as f32;
 
 /// A photo with depth and camera.
 ///
@@ -36,20 +44,25 @@ pub struct Frame {
 impl Frame {
     /// Validates the parts and combines them.
     ///
-    /// Zero, negative, NaN and infinite depths and those beyond 200 m become 0, "no reading".
+    /// Zero, negative, NaN and infinite depths and those beyond 200 m become 0, "no reading". In a linear photo, NaN and
+    /// −∞ become 0, and +∞ the photo's largest finite value.
     ///
     /// # Errors
-    /// If the camera does not have the photo's size, the exposure is not positive, the aspect ratios of photo and
-    /// depth differ by more than 2 %, or the depth has too few or implausible readings.
-    pub fn new(photo: Photo, mut depth_m: DepthMap, camera: Camera, exposure: f32) -> Result<Self, FrameError> {
+    /// If the camera does not have the photo's size, the exposure is beyond ± 40 stops, the photo has no finite value
+    /// or radiance above 10¹², the aspect ratios of photo and depth differ by more than 2 %, or the depth has too few
+    /// or implausible readings.
+    pub fn new(mut photo: Photo, mut depth_m: DepthMap, camera: Camera, exposure: f32) -> Result<Self, FrameError> {
         let photo_size = (photo.width(), photo.height());
         let depth_size = (depth_m.width(), depth_m.height());
         if (camera.width as usize, camera.height as usize) != photo_size {
             return Err(FrameError::CameraSize { camera: (camera.width, camera.height), photo: photo_size });
         }
         Camera::new(camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)?;
-        if !(exposure.is_finite() && exposure > 0.0) {
+        if !EXPOSURES.contains(&exposure) {
             return Err(FrameError::Exposure(exposure));
+        }
+        if let Photo::Linear(image) = &mut photo {
+            make_finite(image, exposure)?;
         }
         if depth_size.0 == 0 || depth_size.1 == 0 {
             return Err(FrameError::NoReadings { depth: depth_size });
@@ -154,6 +167,21 @@ impl Frame {
     }
 }
 
+/// Replaces values that are not finite, and checks the range of radiance.
+fn make_finite(image: &mut RadianceImage, exposure: f32) -> Result<(), FrameError> {
+    let values = image.pixels().as_flattened();
+    let finite = || values.iter().copied().filter(|value| value.is_finite());
+    let Some(brightest) = finite().reduce(f32::max) else { return Err(FrameError::NoPixels) };
+    let largest = finite().fold(0.0f32, |largest, value| largest.max(value.abs()));
+    if largest * exposure.max(1.0) > MAX_PHOTO_RADIANCE {
+        return Err(FrameError::Radiance { largest, exposure, limit: MAX_PHOTO_RADIANCE });
+    }
+    for value in image.pixels_mut().iter_mut().flatten().filter(|value| !value.is_finite()) {
+        *value = if *value == f32::INFINITY { brightest } else { 0.0 };
+    }
+    Ok(())
+}
+
 /// Returns the median; `values` must not be empty.
 pub(crate) fn median(mut values: Vec<f32>) -> f32 {
     let middle = values.len() / 2;
@@ -207,6 +235,26 @@ mod tests {
         assert!(matches!(nothing, Err(FrameError::NoReadings { .. })));
         let dark = Frame::new(photo(8, 8), Image::new(8, 8, vec![1.0; 64]), camera(8, 8), 0.0);
         assert!(matches!(dark, Err(FrameError::Exposure(_))));
+    }
+
+    #[test]
+    fn linear_photos_are_finite_and_have_a_range() {
+        let make = |values: [f32; 3], exposure: f32| {
+            let photo = Photo::Linear(Image::from_fn(8, 8, |x, y| if (x, y) == (3, 2) { values } else { [0.5; 3] }));
+            Frame::new(photo, Image::new(8, 8, vec![2.0; 64]), camera(8, 8), exposure)
+        };
+        let Photo::Linear(image) = make([f32::NAN, f32::INFINITY, 7.0], 1.0).unwrap().photo else { panic!() };
+        assert_eq!(image[(3, 2)], [0.0, 7.0, 7.0]);
+        let nothing = Photo::Linear(Image::new(8, 8, vec![[f32::NAN; 3]; 64]));
+        let nothing = Frame::new(nothing, Image::new(8, 8, vec![2.0; 64]), camera(8, 8), 1.0);
+        assert_eq!(nothing, Err(FrameError::NoPixels));
+        let bright = |value: f32, exposure: f32| make([0.0, 0.0, value], exposure).map(|_| ());
+        let (limit, exposure) = (1e12, 1.0);
+        assert_eq!(bright(1e38, 1.0), Err(FrameError::Radiance { largest: 1e38, exposure, limit }));
+        assert_eq!(bright(1e10, 1000.0), Err(FrameError::Radiance { largest: 1e10, exposure: 1000.0, limit }));
+        assert_eq!(bright(1e12, 1.0), Ok(()));
+        assert!(matches!(bright(1.0, 1e13), Err(FrameError::Exposure(_))));
+        assert!(matches!(bright(1.0, f32::NAN), Err(FrameError::Exposure(_))));
     }
 
     #[test]

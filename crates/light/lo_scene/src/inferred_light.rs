@@ -10,6 +10,9 @@ pub const CONTRASTS: RangeInclusive<f32> = 0.0..=3.0;
 /// Valid warmths: stops by which inferred light is redder than estimated.
 pub const WARMTHS_EV: RangeInclusive<f32> = -4.0..=4.0;
 
+/// Largest coordinate of a pixel in a photo of any size.
+const MAX_PIXEL: f64 = (1u32 << 20) as f64;
+
 /// Light that a scene is rendered with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
@@ -67,7 +70,8 @@ impl LightTuning {
         if !WARMTHS_EV.contains(&self.warmth_ev) {
             return Some("the warmth");
         }
-        self.white.is_some_and(|pixel| !pixel.iter().all(|at| at.is_finite())).then_some("the white pixel")
+        let is_pixel = |pixel: [f64; 2]| pixel.iter().all(|at| (0.0..=MAX_PIXEL).contains(at));
+        self.white.is_some_and(|pixel| !is_pixel(pixel)).then_some("the white pixel")
     }
 }
 

@@ -1,6 +1,7 @@
 use half::f16;
-use lo_geometry::{Quat, Vec3};
+use lo_geometry::{Quat, Vec3, is_position};
 use lo_imaging::{RadianceImage, resize_equirectangular};
+use lo_octree::MAX_RADIANCE;
 use serde::{Deserialize, Serialize};
 
 /// A user's panorama of the room, and its contribution to a scene.
@@ -26,6 +27,12 @@ pub struct PanoramaImage {
     pub world_from_panorama: Quat,
 }
 
+/// Largest angle of a panorama's alignment in either direction, degrees.
+const MAX_ANGLE_DEG: f32 = 3600.0;
+
+/// Largest exposure of a panorama in either direction, stops: between extremes of a photo's and a panorama's units.
+const MAX_EXPOSURE_EV: f32 = 100.0;
+
 /// Largest width that a scene stores, pixels.
 const MAX_WIDTH: usize = 2048;
 
@@ -33,14 +40,14 @@ const MAX_WIDTH: usize = 2048;
 const MAX_HALF: f32 = 60_000.0;
 
 impl PanoramaImage {
-    /// Stores linear radiance with at most 2048 columns, rounded to half precision, so that the file holds exactly
-    /// these values.
+    /// Stores linear radiance with at most 2048 columns, at most [`MAX_RADIANCE`], and rounded to half precision, so that
+    /// the file holds exactly these values.
     pub fn new(radiance: &RadianceImage, world_from_panorama: Quat) -> Self {
         let smaller =
             (radiance.width() > MAX_WIDTH).then(|| resize_equirectangular(radiance, MAX_WIDTH, MAX_WIDTH / 2));
         let radiance = smaller.as_ref().unwrap_or(radiance);
         let scale = scale(radiance);
-        let exact = |value: f32| f16::from_f32(value / scale).to_f32() * scale;
+        let exact = |value: f32| f16::from_f32(value.min(MAX_RADIANCE) / scale).to_f32() * scale;
         Self { radiance: radiance.map(|pixel| pixel.map(exact)), world_from_panorama }
     }
 
@@ -51,7 +58,7 @@ impl PanoramaImage {
 }
 
 fn scale(radiance: &RadianceImage) -> f32 {
-    let brightest = radiance.pixels().as_flattened().iter().copied().fold(0.0, f32::max);
+    let brightest = radiance.pixels().as_flattened().iter().copied().fold(0.0, f32::max).min(MAX_RADIANCE);
     (brightest / MAX_HALF).max(1.0).log2().ceil().exp2()
 }
 
@@ -77,11 +84,12 @@ pub struct PanoramaSource {
 }
 
 impl PanoramaSource {
-    /// Returns whether all numbers are finite and the confidence is in [0, 1].
+    /// Returns whether the position is near the room, angles and exposure are in range, and the confidence in [0, 1].
     pub(crate) fn is_valid(&self) -> bool {
-        let numbers = [self.yaw_deg, self.pitch_deg, self.roll_deg, self.exposure_ev];
-        self.position_m.is_finite()
-            && numbers.iter().all(|number| number.is_finite())
+        let angles_deg = [self.yaw_deg, self.pitch_deg, self.roll_deg];
+        is_position(self.position_m)
+            && angles_deg.iter().all(|angle_deg| angle_deg.abs() <= MAX_ANGLE_DEG)
+            && self.exposure_ev.abs() <= MAX_EXPOSURE_EV
             && (0.0..=1.0).contains(&self.confidence)
     }
 }

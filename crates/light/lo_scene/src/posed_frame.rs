@@ -1,7 +1,8 @@
-use lo_geometry::{Camera, RigidTransform};
+use lo_geometry::{Camera, RigidTransform, is_position};
 use serde::{Deserialize, Serialize};
 
 use crate::Frame;
+use crate::frame::EXPOSURES;
 
 /// A frame with its pose, one of several of a room.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,15 +25,14 @@ pub struct OtherPhoto {
 }
 
 impl OtherPhoto {
-    /// Returns whether all numbers are valid.
+    /// Returns whether the pose is rigid and near, and camera and exposure are in range.
     pub(crate) fn is_valid(&self) -> bool {
         let RigidTransform { rotation, translation_m } = self.first_from_camera;
         let Camera { fx, fy, cx, cy, width, height } = self.camera;
         rotation.is_finite()
             && (rotation.length_squared() - 1.0).abs() < 1e-3
-            && translation_m.is_finite()
+            && is_position(translation_m)
             && Camera::new(fx, fy, cx, cy, width, height).is_ok()
-            && self.exposure.is_finite()
-            && self.exposure > 0.0
+            && EXPOSURES.contains(&self.exposure)
     }
 }

@@ -1,4 +1,4 @@
-use lo_geometry::{Mat3, Plane, Vec3};
+use lo_geometry::{MAX_COORDINATE_M, Mat3, Plane, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Method by which unobserved regions of a scene were completed.
@@ -63,10 +63,10 @@ impl Room {
         Mat3::from_cols(up.cross(back), up, back).transpose()
     }
 
-    /// Returns whether all numbers are finite and all directions have unit length.
+    /// Returns whether all planes are within [`MAX_COORDINATE_M`] and all directions have unit length.
     pub(crate) fn is_valid(&self) -> bool {
         let unit = |v: Vec3| (v.length_squared() - 1.0).abs() < 1e-3;
-        unit(self.up) && self.planes.iter().all(|p| unit(p.plane.normal) && p.plane.offset_m.is_finite())
+        unit(self.up) && self.planes.iter().all(|p| unit(p.plane.normal) && p.plane.offset_m.abs() <= MAX_COORDINATE_M)
     }
 }
 

@@ -3,6 +3,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use crate::is_invisible;
+
 /// Largest number of files of a scene's objects.
 pub const MAX_OBJECT_FILES: usize = 1000;
 
@@ -103,6 +105,6 @@ impl ObjectDisplay {
 /// Returns whether a name has the form `car.obj` or `car.obj/car.mtl`.
 fn is_name(name: &str) -> bool {
     let is_file = |part: &str| !matches!(part, "" | "." | "..") && part.len() <= MAX_NAME;
-    let plain = |c: char| !c.is_control() && c != '\\';
+    let plain = |c: char| !is_invisible(c) && c != '\\';
     name.chars().all(plain) && name.split('/').count() <= 2 && name.split('/').all(is_file)
 }

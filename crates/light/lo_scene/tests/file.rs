@@ -3,14 +3,14 @@
 
 use std::sync::Arc;
 
-use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
+use lo_geometry::{Camera, Cube, Plane, Quat, RigidTransform, Vec3};
 use lo_imaging::{GainMap, GainMapParameters, Image, Photo, PhotoEncoding, RadianceImage};
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{
     AddedLight, AnalyticLight, CameraSource, Completion, EmitterEdit, Estimate, EstimateOrigin, ExpectedLight, Frame,
-    InferredLight, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning, MAX_LIGHT_EDITS,
-    ObjectDisplay, PanoramaContribution, PanoramaImage, PanoramaSource, Room, RoomPlane, SceneError, SceneFile,
-    SceneObjects, Side,
+    InferredLight, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning, MAX_FILE_BYTES,
+    MAX_LIGHT_EDITS, ObjectDisplay, OtherPhoto, PanoramaContribution, PanoramaImage, PanoramaSource, Room, RoomPlane,
+    SceneError, SceneFile, SceneObjects, Side,
 };
 use proptest::prelude::*;
 
@@ -420,6 +420,121 @@ fn wrong_headers_are_named() {
     assert!(matches!(SceneFile::from_bytes(&huge), Err(SceneError::Container(_))));
     let empty = [2u64.to_le_bytes().as_slice(), b"{}"].concat();
     assert!(matches!(SceneFile::from_bytes(&empty), Err(SceneError::NoMetadata { .. })));
+}
+
+/// Sets a number of the metadata, addressed by a JSON pointer.
+fn with_number(bytes: &[u8], pointer: &str, number: serde_json::Value) -> Vec<u8> {
+    let (length, rest) = bytes.split_at(8);
+    let (header, tensors) = rest.split_at(u64::from_le_bytes(length.try_into().unwrap()) as usize);
+    let mut header: serde_json::Value = serde_json::from_slice(header).unwrap();
+    // The metadata is a string of JSON in JSON.
+    let text = header.pointer_mut("/__metadata__/lightoctree").unwrap();
+    let mut metadata: serde_json::Value = serde_json::from_str(text.as_str().unwrap()).unwrap();
+    *metadata.pointer_mut(pointer).expect(pointer) = number;
+    *text = metadata.to_string().into();
+    let header = header.to_string();
+    [&(header.len() as u64).to_le_bytes()[..], header.as_bytes(), tensors].concat()
+}
+
+#[test]
+fn numbers_out_of_range_are_named() {
+    let mut scene = scene(false);
+    let estimate = estimate_of(&mut scene);
+    estimate.origin.up_deviation_deg = Some(2.5);
+    estimate.origin.camera_source = Some(CameraSource::Network { deviation_deg: 4.5 });
+    let first_from_camera = RigidTransform { rotation: Quat::IDENTITY, translation_m: Vec3::new(1.0, 0.5, -0.5) };
+    let camera = estimate.frame.camera;
+    estimate.other_photos = vec![OtherPhoto { first_from_camera, camera, exposure: 1.5 }];
+    let radiance = RadianceImage::from_fn(32, 16, |x, y| [1.0 + x as f32, 0.1 * y as f32, 0.0]);
+    estimate.expected = Some(ExpectedLight::new(&radiance, Quat::from_rotation_x(0.2), 3.25));
+    let source = PanoramaSource {
+        file: "theta.hdr".to_owned(),
+        position_m: Vec3::new(0.25, -0.1, -1.3),
+        yaw_deg: -73.4,
+        pitch_deg: 1.25,
+        roll_deg: -0.4,
+        exposure_ev: -1.73,
+        confidence: 0.81,
+        clipped: true,
+    };
+    let share = estimate.light.rgba.iter().map(|rows| vec![0; rows.len()]).collect();
+    let image = Some(PanoramaImage::new(&radiance, Quat::IDENTITY));
+    estimate.panorama = Some(PanoramaContribution { source, share, image });
+    scene.light_edits.inferred = Some(InferredLight {
+        light: LightMode::Plausible,
+        tuning: LightTuning { white: Some([3.5, 4.5]), ..LightTuning::default() },
+    });
+    scene.objects = objects();
+    let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
+    assert!(SceneFile::from_bytes(&with_number(&bytes, "/exposure", 1.5.into())).is_ok());
+    let cases: [(&str, Vec<f64>, &str); 28] = [
+        ("/octree/cube/edge_m", vec![1e19, 1e7, 1e-30, 0.0, -8.0], "the cube's edge must be from"),
+        ("/octree/cube/origin_m/1", vec![1e19, -1e7], "the cube's edge must be from"),
+        ("/octree/depth", vec![11.0], "depth"),
+        ("/octree/full_depth", vec![9.0], "full depth"),
+        ("/camera/fx", vec![0.001, 1e-300, 1e9, -10.0], "focal lengths of a 12 × 8 image must be from 0.16 to 12000"),
+        ("/camera/fy", vec![0.001, 1e9], "focal lengths"),
+        ("/camera/cx", vec![-0.5, 1e300], "principal point"),
+        ("/camera/width", vec![4e9], "camera is that of a 4000000000 × 8 image"),
+        ("/camera_source/deviation_deg", vec![-1.0, 1e30], "expected angular error"),
+        ("/exposure", vec![0.0, 1e-30, 1e30], "the exposure must be within ± 40 stops"),
+        ("/room/up/1", vec![0.5, 1e30], "the room's directions"),
+        ("/room/planes/0/plane/offset_m", vec![1e5, -1e30], "its planes be within 10 km"),
+        ("/up_deviation_deg", vec![-1.0, 361.0], "expected angular error"),
+        ("/other_photos/0/first_from_camera/translation_m/2", vec![1e5, -1e30], "its other photos"),
+        ("/other_photos/0/first_from_camera/rotation/0", vec![0.5], "its other photos"),
+        ("/other_photos/0/camera/fx", vec![0.001], "its other photos"),
+        ("/other_photos/0/exposure", vec![1e30], "its other photos"),
+        ("/panorama/position_m/0", vec![1e5], "the panorama's position"),
+        ("/panorama/yaw_deg", vec![1e30], "the panorama's position, angles"),
+        ("/panorama/exposure_ev", vec![101.0], "the panorama's position, angles, exposure"),
+        ("/panorama_picture/scale", vec![0.5, 1e30], "the scale or rotation of its panorama"),
+        ("/panorama_picture/scale", vec![1e13], "tensor panorama, value "),
+        ("/expected_light/scale", vec![1e30], "the scale or rotation of its expected_light"),
+        ("/expected_light/contrast_stops", vec![-1.0, 17.0], "contrast_stops"),
+        ("/light_edits/guessed/white/0", vec![-1.0, 1e30], "inferred light: the white pixel"),
+        ("/objects/fps", vec![0.0, 1001.0], "frames per second"),
+        ("/objects/time_s", vec![-1.0, 1e30], "times must be from"),
+        ("/objects/floor_gloss", vec![-0.1, 1e30], "gloss"),
+    ];
+    for (pointer, numbers, what) in cases {
+        for number in numbers {
+            let value = if number.fract() == 0.0 && number < 5e9 && number >= 0.0 {
+                (number as u64).into()
+            } else {
+                number.into()
+            };
+            let error = match SceneFile::from_bytes(&with_number(&bytes, pointer, value)) {
+                Ok(_) => panic!("{pointer} = {number} is read"),
+                Err(error) => error.to_string(),
+            };
+            assert!(error.contains(what), "{pointer} = {number}: {error}");
+        }
+    }
+}
+
+#[test]
+fn a_linear_photo_that_is_written_can_be_read() {
+    let mut scene = scene(true);
+    let Photo::Linear(image) = &scene.estimate.frame.photo else { panic!() };
+    let mut image = image.clone();
+    image[(3, 2)] = [f32::NAN, f32::INFINITY, -1.0];
+    let Frame { depth_m, camera, exposure, .. } = scene.estimate.frame.clone();
+    estimate_of(&mut scene).frame = Frame::new(Photo::Linear(image), depth_m, camera, exposure).unwrap();
+    let back = SceneFile::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap();
+    assert_eq!(back.estimate.frame, scene.estimate.frame);
+}
+
+#[test]
+fn only_regular_files_are_read() {
+    let error = SceneFile::read(std::path::Path::new("/dev/zero")).unwrap_err().to_string();
+    assert!(cfg!(not(unix)) || error.ends_with("only regular files are read"), "{error}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.scene");
+    // A sparse file.
+    std::fs::File::create(&path).unwrap().set_len(MAX_FILE_BYTES + 1).unwrap();
+    let error = SceneFile::read(&path).unwrap_err().to_string();
+    assert!(error.contains("large.scene") && error.contains("too large"), "{error}");
 }
 
 proptest! {

@@ -17,7 +17,7 @@ pub fn insert_argv(scene_file: &str, state: &State) -> Option<Vec<String>> {
     if state.objects.is_empty() {
         return None;
     }
-    let mut words = vec!["lightoctree".to_owned(), "insert".into(), scene_file.into()];
+    let mut words = vec!["lightoctree".to_owned(), "insert".into(), file_argument(scene_file)];
     if state.span_s().is_some() {
         let (frames, fps) = (state.sequence_frames().to_string(), state.fps.to_string());
         words.extend(["--layout", "objects.json", "--frames", &frames, "--fps", &fps].map(str::to_owned));
@@ -68,7 +68,7 @@ fn object_options(object: &LayoutObject) -> Vec<String> {
     // Positions and rotations are read in single precision and rounded to it here.
     let single = |numbers: [f64; 3]| numbers.map(|number| (number as f32).to_string()).join(",");
     let options = [
-        ("--mesh", Some(object.mesh.display().to_string())),
+        ("--mesh", Some(file_argument(&object.mesh.to_string_lossy()))),
         ("--pixel", object.pixel.map(list)),
         ("--at", object.position_m.map(single)),
         ("--scale", object.scale.filter(|scale| *scale != 1.0).map(|scale| scale.to_string())),
@@ -78,6 +78,11 @@ fn object_options(object: &LayoutObject) -> Vec<String> {
         ("--material", object.material.as_ref().map(|material| material.to_text())),
     ];
     options.into_iter().filter_map(|(option, value)| Some([option.to_owned(), value?])).flatten().collect()
+}
+
+/// Returns a file name that is not taken for an option.
+fn file_argument(file: &str) -> String {
+    if file.starts_with('-') { format!("./{file}") } else { file.to_owned() }
 }
 
 fn quoted(word: &str) -> String {
@@ -91,6 +96,13 @@ fn quoted(word: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn file_names_are_not_options() {
+        assert_eq!(file_argument("-o.obj"), "./-o.obj");
+        assert_eq!(file_argument("a-b.obj"), "a-b.obj");
+        assert_eq!(file_argument("/rooms/-1.scene"), "/rooms/-1.scene");
+    }
 
     #[test]
     fn words_are_quoted_for_a_shell() {

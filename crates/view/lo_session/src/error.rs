@@ -21,6 +21,9 @@ pub enum SessionError {
     /// Another object already has this name.
     #[error("another object is already called {0}")]
     NameTaken(String),
+    /// A name has no visible character.
+    #[error("a name needs a visible character")]
+    NoName,
     /// A number is out of range.
     #[error("{name} must be {needed}, got {found}")]
     InvalidNumber {

@@ -1,3 +1,5 @@
+use std::ops::RangeInclusive;
+
 use lightoctree::Estimate;
 use lo_geometry::Vec3;
 use lo_lights::{rgb_from_color, sun_direction};
@@ -5,6 +7,9 @@ use lo_scene::{AnalyticLight, LightColor, LightShape};
 use serde::{Deserialize, Serialize};
 
 use crate::SessionError;
+
+/// Accepted azimuths of a sun, degrees: ten turns in either direction.
+const AZIMUTHS_DEG: RangeInclusive<f32> = -3600.0..=3600.0;
 
 /// A light to add, in user-facing units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,7 +58,7 @@ impl NewLight {
         };
         let (shape, white, color) = match self {
             Self::Sun { azimuth_deg, elevation_deg, strength, angle_deg, kelvin } => {
-                if !(azimuth_deg.is_finite() && (-90.0..=90.0).contains(&elevation_deg)) {
+                if !(AZIMUTHS_DEG.contains(&azimuth_deg) && (-90.0..=90.0).contains(&elevation_deg)) {
                     return Err(SessionError::OutOfRange("the direction"));
                 }
                 let direction = sun_direction(estimate, azimuth_deg.into(), elevation_deg.into());

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use lo_insert::{Align, Ground, InsertError, Layout, LayoutObject, Path, PathSource, Placement};
+use lo_scene::plain_name;
 use serde::{Deserialize, Serialize};
 
 use crate::key_times::{key_at, position_of};
@@ -75,7 +76,10 @@ impl Object {
                 found: self.yaw_deg,
             });
         }
-        self.name = self.name.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect();
+        self.name = plain_name(&self.name).chars().take(MAX_NAME).collect();
+        if self.name.is_empty() {
+            self.name = format!("object {}", self.id);
+        }
         self.position = self.position.rounded();
         self.yaw_deg = f64::from(self.yaw_deg as f32);
         self.placement = self.placement_in(ground.into(), time_s)?;

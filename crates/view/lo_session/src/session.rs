@@ -5,10 +5,10 @@ use std::sync::Arc;
 use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, InferredLight, LightMode};
 use lo_insert::{Align, Layout, Placement};
 use lo_mesh::Model;
-use lo_scene::LightEffect;
-use lo_scene::{CONTRASTS, LightEdits, MAX_LIGHT_EDITS, ObjectDisplay, WARMTHS_EV};
+use lo_scene::{CONTRASTS, LightEdits, LightEffect, MAX_LIGHT_EDITS, ObjectDisplay, WARMTHS_EV, plain_name};
 
 use crate::drag::dragged;
+use crate::history::History;
 use crate::{Command, Files, Mesh, Object, ObjectMaterial, ObjectPosition, ObjectSize, OpenScene, SessionError, State};
 
 /// Maximum number of meshes besides the built-in ones.
@@ -35,8 +35,9 @@ pub struct Session {
     state: State,
     /// State shown by the current gesture.
     preview: Option<State>,
-    undo: Vec<State>,
-    redo: Vec<State>,
+    history: History,
+    /// Bytes of the files of added meshes.
+    mesh_bytes: usize,
     next_id: u32,
 }
 
@@ -48,7 +49,7 @@ impl Session {
     pub fn new(scene: Arc<OpenScene>) -> Result<Self, SessionError> {
         let (state, meshes) = State::from_document(&scene.document, scene.ground())?;
         let next_id = state.objects.len() as u32 + 1;
-        Ok(Self { scene, meshes, state, preview: None, undo: Vec::new(), redo: Vec::new(), next_id })
+        Ok(Self { scene, meshes, state, preview: None, history: History::default(), mesh_bytes: 0, next_id })
     }
 
     /// Returns the scene.
@@ -68,7 +69,7 @@ impl Session {
 
     /// Returns whether there is a step to undo, and one to redo.
     pub fn can_undo_and_redo(&self) -> [bool; 2] {
-        [!self.undo.is_empty(), !self.redo.is_empty()]
+        self.history.can_undo_and_redo()
     }
 
     /// Executes a command as one step of the history. Commits a gesture in progress first.
@@ -120,17 +121,18 @@ impl Session {
         if self.preview.take().is_some() {
             return true;
         }
-        let Some(before) = self.undo.pop() else { return false };
-        self.redo.push(std::mem::replace(&mut self.state, before));
-        true
+        self.history.undo(&mut self.state)
     }
 
     /// Redoes the last undone step. Returns `false` if there is none.
     pub fn redo(&mut self) -> bool {
         self.preview = None;
-        let Some(after) = self.redo.pop() else { return false };
-        self.undo.push(std::mem::replace(&mut self.state, after));
-        true
+        self.history.redo(&mut self.state)
+    }
+
+    /// Returns the bytes of all added meshes and the files that they reference, without those of the document.
+    pub fn mesh_bytes(&self) -> usize {
+        self.mesh_bytes
     }
 
     /// Adds a mesh read from a file and returns its name: the file's name, numbered if it is taken.
@@ -149,13 +151,16 @@ impl Session {
         if self.meshes.keys().filter(|name| !name.starts_with(BUILTIN_PREFIX)).count() >= MAX_MESHES {
             return Err(SessionError::TooMany { what: "meshes", limit: MAX_MESHES });
         }
+        // On the command line, the prefix means a built-in mesh.
+        let file = file.strip_prefix(BUILTIN_PREFIX).unwrap_or(file);
         // The command line identifies files by name, so a second file of the same name gets another one.
         let (stem, ending) = file.rsplit_once('.').unwrap_or((file, ""));
         let numbered = (2..).map(|number| format!("{stem}_{number}.{ending}"));
         let mut names = std::iter::once(file.to_owned()).chain(numbered);
         let name = names.find(|name| !self.meshes.contains_key(name)).unwrap_or_default();
         let parts = parts.into_iter().map(|(part, bytes)| (format!("{name}/{part}"), bytes));
-        let files = std::iter::once((name.clone(), content)).chain(parts).collect();
+        let files: Files = std::iter::once((name.clone(), content)).chain(parts).collect();
+        self.mesh_bytes += bytes_of(&files);
         self.meshes.insert(name.clone(), Arc::new(Mesh::new(name.clone(), model).with_files(files)));
         Ok(name)
     }
@@ -177,8 +182,7 @@ impl Session {
 
     fn push(&mut self, next: State) {
         if next != self.state {
-            self.undo.push(std::mem::replace(&mut self.state, next));
-            self.redo.clear();
+            self.history.push(std::mem::replace(&mut self.state, next));
         }
     }
 
@@ -220,7 +224,12 @@ impl Session {
                 let Some(position) = position else { return Ok(state) };
                 object(*id, &|object| object.set_pose(position, object.yaw_deg, time_s))?
             }
-            Command::Rename { object: id, name } => infallible(*id, &|object| object.name.clone_from(name))?,
+            Command::Rename { object: id, name } => {
+                if plain_name(name).is_empty() {
+                    return Err(SessionError::NoName);
+                }
+                infallible(*id, &|object| object.name.clone_from(name))?
+            }
             Command::Place { object: id, place } => {
                 object(*id, &|object| object.set_pose(*place, object.yaw_deg, time_s))?
             }
@@ -444,6 +453,10 @@ impl Session {
             ObjectPosition::Position(ahead.to_array().map(f64::from))
         })
     }
+}
+
+fn bytes_of(files: &Files) -> usize {
+    files.values().map(|content| content.len()).sum()
 }
 
 fn with_new(mut state: State, new: Object) -> Result<State, SessionError> {

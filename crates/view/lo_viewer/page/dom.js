@@ -135,6 +135,30 @@ export function showMessage(text, isWrong = false) {
 }
 
 /**
+ * Copies the text of an element and returns whether that succeeded. If not, the text stays selected.
+ *
+ * The clipboard's interface exists only in secure contexts: over https, and on this machine. The older command works
+ * over http, too.
+ *
+ * @param {HTMLElement} shown
+ */
+export async function copyText(shown) {
+  try {
+    if (navigator.clipboard) {
+      await navigator.clipboard.writeText(shown.textContent ?? "");
+      return true;
+    }
+  } catch {
+    // Permission denied: the older command may still work.
+  }
+  const selection = getSelection();
+  selection?.selectAllChildren(shown);
+  const isCopied = document.execCommand("copy");
+  if (isCopied) selection?.removeAllRanges();
+  return isCopied;
+}
+
+/**
  * Converts an sRGB code in [0, 1] to a linear value.
  *
  * @type {(code: number) => number}

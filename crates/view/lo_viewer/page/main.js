@@ -1,6 +1,6 @@
 // The page: receives the program's messages, updates the page, and connects its parts.
 
-import { around, byId, contextOf, element, showMessage } from "./dom.js";
+import { around, byId, contextOf, copyText, element, showMessage } from "./dom.js";
 import { listen } from "./gestures.js";
 import { drawHandles, drawWhite } from "./handles.js";
 import { ImageView, LUMINANCE_LEGEND } from "./image_view.js";
@@ -35,7 +35,10 @@ let pendingPreview = null;
 let panelsTimer = null;
 let panelsAt = -PANELS_MS;
 
-const sendToServer = connect(receive, () => setScreen("connecting"));
+const sendToServer = connect(receive, (why) => {
+  setScreen("connecting");
+  setStatus(why ? `${why}; waiting until one is closed …` : "not connected to the program; reconnecting …");
+});
 page.preview = (command) => {
   const isFirst = pendingPreview === null;
   pendingPreview = { command, at: performance.now() };
@@ -196,7 +199,6 @@ function setScreen(at) {
   document.body.dataset.at = at;
   byId("open").hidden = at !== "empty";
   byId("opening").hidden = at !== "opening";
-  if (at === "connecting") setStatus("not connected to the program; reconnecting …");
 }
 
 /** @param {SceneInfo} scene */
@@ -367,7 +369,10 @@ byId("close").onclick = () => page.mayLeave() && page.send({ type: "close" });
 byId("opening-stop").onclick = () => page.send({ type: "stop" });
 byId("help-button").onclick = () => byId("help").showModal();
 byId("copy").onclick = async () => {
-  await navigator.clipboard.writeText(byId("command").textContent ?? "");
+  if (!await copyText(byId("command"))) {
+    showMessage("the browser does not allow copying; the command is selected: press Ctrl-C or ⌘C");
+    return;
+  }
   const [scene, view] = [page.openScene(), page.openView()];
   const isUnsaved = !scene.is_saved || view.edited;
   showMessage(isUnsaved ? `copied; save the scene as ${scene.file} before you run it (Save, Scene)` : "copied");

@@ -4,12 +4,16 @@
 
 const decoder = new TextDecoder();
 
+/** Close code of a refused page; `page_socket.rs` defines it. */
+const REFUSED = 4001;
+
 /**
- * Connects, and reconnects when the connection is lost. Calls `receive(message, images)` for each message, and `lost()`
- * when the connection is lost. Returns a function that sends a message and returns whether there is a connection.
+ * Connects, and reconnects when the connection is lost. Calls `receive(message, images)` for each message, and
+ * `lost(why)` when the connection is lost, with the program's reason or "". Returns a function that sends a message and
+ * returns whether there is a connection.
  *
  * @param {(message: ToPage, images: Uint8Array<ArrayBuffer>[]) => void} receive
- * @param {() => void} lost
+ * @param {(why: string) => void} lost
  * @returns {(message: FromPage) => boolean}
  */
 export function connect(receive, lost) {
@@ -21,8 +25,8 @@ export function connect(receive, lost) {
     address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
-    socket.onopen = () => { wait = 250; };
     socket.onmessage = ({ data }) => {
+      wait = 250;
       if (typeof data === "string") {
         receive(JSON.parse(data), []);
         return;
@@ -36,8 +40,8 @@ export function connect(receive, lost) {
       });
       receive(message, images);
     };
-    socket.onclose = () => {
-      lost();
+    socket.onclose = ({ code, reason }) => {
+      lost(code === REFUSED ? reason : "");
       setTimeout(open, wait);
       wait = Math.min(2 * wait, 5000);
     };

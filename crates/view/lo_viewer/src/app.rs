@@ -1,8 +1,7 @@
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use crate::MakeEstimator;
 use crate::origin::PublicOrigin;
-use crate::pool::Pool;
 use crate::session_actor::SessionHandle;
 
 /// State shared by the request handlers.
@@ -12,6 +11,4 @@ pub(crate) struct App {
     pub token: Arc<str>,
     pub public_origin: Option<Arc<PublicOrigin>>,
     pub estimator: Option<MakeEstimator>,
-    /// Uploaded files held until the file that references them arrives.
-    pub pool: Arc<Mutex<Pool>>,
 }

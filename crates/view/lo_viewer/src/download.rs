@@ -11,6 +11,7 @@ use lo_session::{Probe, SessionError, outputs, probe_position};
 
 use crate::app::App;
 use crate::failure::guarded;
+use crate::protocol::PROBE_LIFTS_M;
 use crate::sequence::{self, SequenceFormat};
 use crate::worker::Worker;
 
@@ -83,7 +84,10 @@ fn probe_at(worker: &Arc<Worker>, query: &str) -> Result<Option<Vec3>, String> {
         value.parse::<f64>().ok().filter(|value| value.is_finite())
     };
     let (Some(u), Some(v), Some(lift)) = (number("u"), number("v"), number("lift")) else { return Ok(None) };
-    let position = probe_position(worker.scenes.scene(), [u, v], lift.clamp(0.0, 10.0) as f32);
+    if !PROBE_LIFTS_M.contains(&(lift as f32)) {
+        return Err("the probe's distance from the surface must be from 0 to 10 m".to_owned());
+    }
+    let position = probe_position(worker.scenes.scene(), [u, v], lift as f32);
     position.map(Some).ok_or_else(|| "the photo has no depth at the probe; choose another position".to_owned())
 }
 

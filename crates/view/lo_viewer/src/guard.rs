@@ -8,8 +8,9 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use crate::app::App;
+use crate::connections::Trusted;
 use crate::origin::PublicOrigin;
-use crate::pool::MAX_UPLOAD;
+use crate::uploads::MAX_UPLOAD;
 
 /// Headers of every response: nothing is cached, embedded, shared with other origins, or loaded from elsewhere.
 const HEADERS: [(HeaderName, &str); 7] = [
@@ -31,7 +32,12 @@ pub(crate) async fn guard(State(app): State<App>, request: Request, next: Next) 
     let refused = refusal(request.headers(), request.uri(), &app.token, app.public_origin.as_deref());
     let mut response = match refused {
         Some((status, why)) => (status, why).into_response(),
-        None => next.run(request).await,
+        None => {
+            if let Some(trusted) = request.extensions().get::<Trusted>() {
+                trusted.set();
+            }
+            next.run(request).await
+        }
     };
     for (name, value) in HEADERS {
         response.headers_mut().insert(name, HeaderValue::from_static(value));

@@ -8,6 +8,8 @@
 //! [`protocol`] defines the messages between page and server.
 
 mod app;
+mod body;
+mod connections;
 mod download;
 mod failure;
 mod guard;
@@ -15,14 +17,18 @@ mod opening;
 mod origin;
 mod outbox;
 mod outside;
+mod overlays;
 mod page;
-mod pool;
+mod page_queue;
+mod page_socket;
 pub mod protocol;
 mod sequence;
 mod sequence_download;
 mod server;
 mod session_actor;
+mod stall_guard;
 mod upload;
+mod uploads;
 mod warning_text;
 mod worker;
 

@@ -11,6 +11,11 @@ pub struct PublicOrigin {
 }
 
 impl PublicOrigin {
+    /// Returns whether the connection to browsers is encrypted.
+    pub fn is_https(&self) -> bool {
+        self.is_https
+    }
+
     /// Returns the host, with its port if that is not the scheme's default.
     pub(crate) fn authority(&self) -> &str {
         &self.authority

@@ -26,7 +26,8 @@ struct PendingMessages {
 }
 
 impl Outbox {
-    fn put(&self, slot: Option<u8>, message: Arc<Encoded>) {
+    /// Adds a message, replacing the one of the same slot.
+    pub fn put(&self, slot: Option<u8>, message: Arc<Encoded>) {
         let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
         match slot {
             Some(slot) => drop(pending.newest.insert(slot, message)),
@@ -76,24 +77,23 @@ impl Pages {
         self.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a page. Its outbox starts with `hello` and the current scene, state and image.
-    pub fn join(&self, hello: &ToPage) -> Arc<Outbox> {
+    /// Adds a page; `None` if `limit` pages are open. Its outbox starts with `hello` and the current scene, state and
+    /// image.
+    pub fn join(&self, hello: &ToPage, limit: usize) -> Option<Arc<Outbox>> {
         let outbox = Arc::new(Outbox::default());
         send(&outbox, hello, &[]);
         let mut open = self.lock();
+        if open.outboxes.len() >= limit {
+            return None;
+        }
         open.replayed.iter().for_each(|(&slot, message)| outbox.put(Some(slot), message.clone()));
         open.outboxes.push(outbox.clone());
-        outbox
+        Some(outbox)
     }
 
     /// Removes a page.
     pub fn leave(&self, outbox: &Arc<Outbox>) {
         self.lock().outboxes.retain(|other| !Arc::ptr_eq(other, outbox));
-    }
-
-    /// Returns the number of open pages.
-    pub fn count(&self) -> usize {
-        self.lock().outboxes.len()
     }
 
     /// Sends a message to all pages.
@@ -121,13 +121,16 @@ pub(crate) fn send(outbox: &Outbox, message: &ToPage, images: &[&[u8]]) {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::*;
 
     #[test]
     fn a_page_that_does_not_read_holds_the_newest_alone() {
         let pages = Pages::default();
         let hello = ToPage::Hello { version: "", materials: Vec::new() };
-        let outbox = pages.join(&hello);
+        let join = |limit| pages.join(&hello, limit).unwrap();
+        let outbox = join(1);
+        assert!(pages.join(&hello, 1).is_none());
         let image = vec![0; 1 << 20];
         for change in 0..1000 {
             let frame = ToPage::Frame {
@@ -155,14 +158,14 @@ mod tests {
         assert!(text(&held[1]).contains("\"change\":999"), "{}", text(&held[1]));
         assert!(text(&held[1 + MAX_QUEUED]).contains("999"));
         // A page that joins later receives the current image, until there is none.
-        let late = pages.join(&hello);
+        let late = join(2);
         assert!(late.take().is_some_and(|message| text(&message).contains("hello")));
         assert!(late.take().is_some_and(|message| text(&message).contains("\"change\":999")));
         assert!(late.take().is_none());
         pages.send(&ToPage::Empty { error: None, can_estimate: true }, &[]);
-        let latest = pages.join(&hello);
+        let latest = join(3);
         assert_eq!(std::iter::from_fn(|| latest.take()).count(), 2);
         [outbox, late, latest].iter().for_each(|outbox| pages.leave(outbox));
-        assert_eq!(pages.count(), 0);
+        assert!(pages.lock().outboxes.is_empty());
     }
 }

@@ -19,6 +19,12 @@ pub const MAX_MESSAGE: usize = 64 << 10;
 /// Accepted exposures, stops.
 pub const EXPOSURES_EV: RangeInclusive<f32> = -20.0..=20.0;
 
+/// Accepted distances of a probe from its surface, metres.
+pub const PROBE_LIFTS_M: RangeInclusive<f32> = 0.0..=10.0;
+
+/// Slot of [`ToPage::Overlay`] in the outbox.
+pub(crate) const OVERLAY_SLOT: u8 = 8;
+
 /// A message from the page.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
@@ -249,7 +255,10 @@ pub struct Preset {
 impl FromPage {
     /// Returns whether a newer message of this kind makes this one obsolete.
     pub fn is_replaceable(&self) -> bool {
-        matches!(self, Self::Preview { .. } | Self::Seek { .. } | Self::Probe { .. } | Self::Outside { .. })
+        matches!(
+            self,
+            Self::Preview { .. } | Self::Seek { .. } | Self::Probe { .. } | Self::Overlay { .. } | Self::Outside { .. }
+        )
     }
 }
 
@@ -267,7 +276,7 @@ impl ToPage {
             Self::Photo { .. } => 5,
             Self::Frame { .. } => 6,
             Self::Probe { .. } | Self::NoProbe => 7,
-            Self::Overlay { .. } => 8,
+            Self::Overlay { .. } => OVERLAY_SLOT,
             Self::Outside { .. } => 9,
             Self::SequenceProgress { .. } => 10,
             Self::Refused { .. } => return None,

@@ -3,8 +3,7 @@
 use std::io::{self, BufWriter, Write};
 use std::ops::ControlFlow;
 use std::pin::Pin;
-use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
 use std::time::Instant;
 
@@ -15,7 +14,9 @@ use futures_core::Stream;
 use lo_imaging::Y4mWriter;
 use lo_insert::Quality;
 use lo_session::{Sequence, State, outputs};
+use tokio::runtime::Handle;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
+use tokio::sync::watch;
 
 use crate::failure::{Failure, guarded};
 use crate::protocol::ToPage;
@@ -53,11 +54,12 @@ pub(crate) fn download(worker: &Arc<Worker>, format: SequenceFormat, file: &str)
     if state.span_s().is_none() {
         return (StatusCode::CONFLICT, "nothing is animated yet: add a keyframe first").into_response();
     }
-    if worker.sequence_download.is_running.swap(true, Ordering::SeqCst) {
+    let Some(is_stopped) = worker.sequence_download.begin() else {
         return (StatusCode::CONFLICT, "another download of frames or a video is in progress").into_response();
-    }
-    worker.sequence_download.is_stopped.store(false, Ordering::SeqCst);
-    let (chunks, receiver) = channel(MAX_PENDING_CHUNKS);
+    };
+    let (sender, receiver) = channel(MAX_PENDING_CHUNKS);
+    let failure = Arc::default();
+    let chunks = ChunkSender { sender, is_stopped, failure: Arc::clone(&failure), runtime: Handle::current() };
     let worker = worker.clone();
     tokio::task::spawn_blocking(move || {
         let frames = state.sequence_frames() as usize;
@@ -69,10 +71,10 @@ pub(crate) fn download(worker: &Arc<Worker>, format: SequenceFormat, file: &str)
             Err(failure) => Some(failure.to_string()),
         };
         if let Some(why) = &ended {
-            // The browser must not take a truncated file for a complete one.
-            let _ = chunks.blocking_send(Err(io::Error::other(why.clone())));
+            *chunks.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(why.clone());
         }
-        worker.sequence_download.is_running.store(false, Ordering::SeqCst);
+        drop(chunks);
+        worker.sequence_download.end();
         worker.pages.send(&ToPage::SequenceProgress { done, frames, left_s: Some(0.0), ended }, &[]);
     });
     let disposition = format!("attachment; filename=\"{file}\"");
@@ -82,7 +84,7 @@ pub(crate) fn download(worker: &Arc<Worker>, format: SequenceFormat, file: &str)
     };
     (
         [(header::CONTENT_TYPE, media_type.to_owned()), (header::CONTENT_DISPOSITION, disposition)],
-        Body::from_stream(ChunkStream(receiver)),
+        Body::from_stream(ChunkStream { receiver, failure }),
     )
         .into_response()
 }
@@ -112,7 +114,7 @@ fn write_sequence(
     };
     for frame in 0..frames {
         let on_event = &mut |_| {
-            let is_over = worker.sequence_download.is_stopped.load(Ordering::SeqCst) || chunks.is_closed();
+            let is_over = *chunks.is_stopped.borrow() || chunks.sender.is_closed();
             if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let composite = guarded(|| sequence.render(frame, on_event)).map_err(message)?;
@@ -141,15 +143,30 @@ enum SequenceWriter<'a> {
     Video(Y4mWriter<BufWriter<ChunkWriter<'a>>>),
 }
 
-type ChunkSender = Sender<io::Result<Bytes>>;
+/// Why a download ended early.
+type DownloadFailure = Arc<Mutex<Option<String>>>;
 
-/// Sends chunks to the response body; blocks until the browser keeps up.
+/// Sends chunks to the response body.
+struct ChunkSender {
+    sender: Sender<Bytes>,
+    is_stopped: watch::Receiver<bool>,
+    failure: DownloadFailure,
+    runtime: Handle,
+}
+
+/// Writes chunks; blocks until the browser keeps up or the download is stopped.
 struct ChunkWriter<'a>(&'a ChunkSender);
 
 impl Write for ChunkWriter<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let chunk = Bytes::copy_from_slice(bytes);
-        self.0.blocking_send(Ok(chunk)).map_err(|_| io::Error::other("the page was closed"))?;
+        let ChunkSender { sender, is_stopped, runtime, .. } = self.0;
+        let (chunk, mut is_stopped) = (Bytes::copy_from_slice(bytes), is_stopped.clone());
+        runtime.block_on(async {
+            tokio::select! {
+                sent = sender.send(chunk) => sent.map_err(|_| io::Error::other("the page was closed")),
+                _ = is_stopped.wait_for(|is_stopped| *is_stopped) => Err(io::Error::other("stopped")),
+            }
+        })?;
         Ok(bytes.len())
     }
 
@@ -158,14 +175,23 @@ impl Write for ChunkWriter<'_> {
     }
 }
 
-/// The response body.
-struct ChunkStream(Receiver<io::Result<Bytes>>);
+/// The response body. After a failure it ends with an error, so that the browser does not take a truncated file for a
+/// complete one.
+struct ChunkStream {
+    receiver: Receiver<Bytes>,
+    failure: DownloadFailure,
+}
 
 impl Stream for ChunkStream {
     type Item = io::Result<Bytes>;
 
     fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
-        self.0.poll_recv(context)
+        self.receiver.poll_recv(context).map(|chunk| match chunk {
+            Some(chunk) => Some(Ok(chunk)),
+            None => {
+                self.failure.lock().unwrap_or_else(PoisonError::into_inner).take().map(|why| Err(io::Error::other(why)))
+            }
+        })
     }
 }
 

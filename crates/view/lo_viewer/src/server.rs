@@ -1,27 +1,22 @@
 use std::fmt::Write;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
-use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
-use axum::extract::{DefaultBodyLimit, State};
+use axum::extract::State;
+use axum::extract::ws::WebSocketUpgrade;
 use axum::http::StatusCode;
 use axum::middleware::from_fn_with_state;
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use axum::routing::{any, get, post};
 use tokio::net::TcpListener;
 
 use crate::app::App;
 use crate::guard::guard;
-use crate::outbox::send;
-use crate::pool::MAX_UPLOAD;
-use crate::protocol::{Encoded, FromPage, MAX_MESSAGE, ToPage};
+use crate::protocol::MAX_MESSAGE;
 use crate::session_actor::SessionHandle;
-use crate::{Options, ViewError, download, page, upload};
-
-/// Maximum number of open pages.
-const MAX_PAGES: usize = 16;
+use crate::{Options, ViewError, connections, download, page, page_socket, upload};
 
 /// Interval at which `is_over` is polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -41,10 +36,10 @@ pub fn run(
     };
     let session = SessionHandle::start(options.warning_text, options.estimator.is_some())?;
     if let Some(source) = options.source {
-        session.open(source);
+        session.open(source, None);
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
-    runtime.block_on(async move {
+    let served = runtime.block_on(async move {
         let failed = |source| ViewError::Bind { address: format!("{}:{}", options.bind, options.port), source };
         let listener = TcpListener::bind((options.bind, options.port)).await.map_err(failed)?;
         let address = listener.local_addr()?;
@@ -53,18 +48,20 @@ pub fn run(
             Some(origin) => format!("{origin}/{token}/"),
             None => format!("http://{}/{token}/", reachable(address)),
         });
-        let app =
-            App { session, token: token.into(), public_origin, estimator: options.estimator, pool: Arc::default() };
+        let app = App { session, token: token.into(), public_origin, estimator: options.estimator };
         let ended = async {
             while !is_over() {
                 tokio::time::sleep(POLL_INTERVAL).await;
             }
         };
         tokio::select! {
-            served = axum::serve(listener, router(app)) => served.map_err(ViewError::Start),
+            () = connections::serve(listener, router(app)) => Ok(()),
             () = ended => Ok(()),
         }
-    })
+    });
+    // Jobs that still run must not delay the end of the program.
+    runtime.shutdown_background();
+    served
 }
 
 fn router(app: App) -> Router {
@@ -75,20 +72,33 @@ fn router(app: App) -> Router {
         .route("/{token}/upload/{kind}", post(upload::upload))
         .route("/{token}/download/{file}", get(download::download))
         .fallback(|| async { (StatusCode::NOT_FOUND, "no such page") })
-        .layer(DefaultBodyLimit::max(MAX_UPLOAD))
         .layer(from_fn_with_state(app.clone(), guard))
         .with_state(app)
 }
 
-/// Returns an address that a browser can open: the loopback address if the server listens on all interfaces.
+/// Returns an address that browsers can open, those of other machines if the server listens on all interfaces and this
+/// machine has a network.
 fn reachable(mut address: SocketAddr) -> SocketAddr {
-    if address.ip().is_unspecified() {
-        address.set_ip(match address.ip() {
-            IpAddr::V4(_) => IpAddr::V4(Ipv4Addr::LOCALHOST),
-            IpAddr::V6(_) => IpAddr::V6(Ipv6Addr::LOCALHOST),
-        });
-    }
+    let v4 = || network_ip(Ipv4Addr::UNSPECIFIED.into(), DOCUMENTATION_V4);
+    address.set_ip(match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => v4().unwrap_or(Ipv4Addr::LOCALHOST.into()),
+        IpAddr::V6(ip) if ip.is_unspecified() => {
+            network_ip(Ipv6Addr::UNSPECIFIED.into(), DOCUMENTATION_V6).or_else(v4).unwrap_or(Ipv6Addr::LOCALHOST.into())
+        }
+        ip => ip,
+    });
     address
+}
+
+/// Addresses of no machine (RFC 5737, RFC 3849).
+const DOCUMENTATION_V4: IpAddr = IpAddr::V4(Ipv4Addr::new(192, 0, 2, 1));
+const DOCUMENTATION_V6: IpAddr = IpAddr::V6(Ipv6Addr::new(0x2001, 0xdb8, 0, 0, 0, 0, 0, 1));
+
+/// Returns the address of this machine from which it would send to `target`. Nothing is sent.
+fn network_ip(any: IpAddr, target: IpAddr) -> Option<IpAddr> {
+    let socket = UdpSocket::bind((any, 0)).ok()?;
+    socket.connect((target, 9)).ok()?;
+    Some(socket.local_addr().ok()?.ip()).filter(|ip| !ip.is_unspecified() && !ip.is_loopback())
 }
 
 /// Generates 128 random bits in hexadecimal.
@@ -103,41 +113,8 @@ fn random_token() -> Result<String, ViewError> {
 }
 
 async fn socket(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
-    if app.session.pages.count() >= MAX_PAGES {
-        return (StatusCode::SERVICE_UNAVAILABLE, "too many pages are open").into_response();
-    }
     upgrade
         .max_message_size(MAX_MESSAGE)
         .max_frame_size(MAX_MESSAGE)
-        .on_upgrade(move |socket| serve_socket(app, socket))
-}
-
-/// Relays messages between one page and the session.
-async fn serve_socket(app: App, mut socket: WebSocket) {
-    let outbox = app.session.join();
-    loop {
-        tokio::select! {
-            received = socket.recv() => match received {
-                Some(Ok(Message::Text(text))) => match serde_json::from_str::<FromPage>(&text) {
-                    Ok(message) => app.session.receive(message, &outbox),
-                    Err(error) => send(&outbox, &ToPage::Refused { why: format!("invalid message: {error}") }, &[]),
-                },
-                Some(Ok(Message::Binary(_))) => {
-                    send(&outbox, &ToPage::Refused { why: "invalid message: messages must be text".into() }, &[]);
-                }
-                Some(Ok(Message::Ping(_) | Message::Pong(_))) => {}
-                Some(Ok(Message::Close(_)) | Err(_)) | None => break,
-            },
-            message = outbox.next() => {
-                let message = match &*message {
-                    Encoded::Text(text) => Message::Text(text.clone().into()),
-                    Encoded::Binary(bytes) => Message::Binary(bytes.clone().into()),
-                };
-                if socket.send(message).await.is_err() {
-                    break;
-                }
-            }
-        }
-    }
-    app.session.pages.leave(&outbox);
+        .on_upgrade(move |socket| page_socket::serve(app, socket))
 }

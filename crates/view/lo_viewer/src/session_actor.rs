@@ -3,19 +3,20 @@
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use lightoctree::{Event, OnEvent};
 use lo_mesh::{Material, Model};
-use lo_session::{Files, OpenScene, Session, SessionError, overlay};
+use lo_session::{Files, OpenScene, Session, SessionError};
+use tokio::sync::mpsc::{Receiver, Sender, channel};
 
-use crate::failure::{Failure, guarded, stage_of};
+use crate::failure::{Failure, stage_of};
 use crate::opening::{Opened, SceneSource};
 use crate::outbox::{Outbox, Pages, send};
 use crate::outside::OutsideRequest;
-use crate::protocol::{FromPage, Preset, SceneInfo, ToPage};
+use crate::protocol::{EXPOSURES_EV, FromPage, PROBE_LIFTS_M, Preset, SceneInfo, ToPage};
+use crate::uploads::{Reservation, Uploads};
 use crate::warning_text::WarningText;
 use crate::worker::{Change, ProbeRequest, Worker};
 
@@ -28,8 +29,8 @@ enum Message {
     Page(FromPage, Arc<Outbox>),
     /// An uploaded mesh to add to the photo.
     Mesh(Box<UploadedMesh>),
-    /// A request to open a scene.
-    Open(SceneSource),
+    /// A request to open a scene, with the reservation of its upload.
+    Open(SceneSource, Option<Reservation>),
     /// Number of the attempt to open a scene, and its result.
     Opened(u64, Result<Box<Opened>, String>),
 }
@@ -43,12 +44,14 @@ pub(crate) struct UploadedMesh {
     pub parts: Files,
     pub model: Model,
     pub warnings: Vec<String>,
+    pub reservation: Reservation,
 }
 
 /// Handle of the session thread.
 pub(crate) struct SessionHandle {
-    messages: SyncSender<Message>,
+    messages: Sender<Message>,
     pub pages: Arc<Pages>,
+    pub uploads: Arc<Uploads>,
     /// Worker of the open scene.
     current: Mutex<Option<Arc<Worker>>>,
 }
@@ -59,8 +62,9 @@ impl SessionHandle {
     /// # Errors
     /// If the thread cannot be started.
     pub fn start(warning_text: WarningText, can_estimate: bool) -> std::io::Result<Arc<Self>> {
-        let (messages, receiver) = sync_channel(QUEUE);
-        let handle = Arc::new(Self { messages, pages: Arc::default(), current: Mutex::default() });
+        let (messages, receiver) = channel(QUEUE);
+        let handle =
+            Arc::new(Self { messages, pages: Arc::default(), uploads: Arc::default(), current: Mutex::default() });
         let actor = SessionActor {
             handle: handle.clone(),
             warning_text,
@@ -71,37 +75,38 @@ impl SessionHandle {
             sequence: 0,
         };
         handle.pages.send(&actor.status_message(), &[]);
-        std::thread::Builder::new().name("session".into()).spawn(move || actor.serve(&receiver))?;
+        std::thread::Builder::new().name("session".into()).spawn(move || actor.serve(receiver))?;
         Ok(handle)
     }
 
-    /// Adds a page, which receives the current state.
-    pub fn join(&self) -> Arc<Outbox> {
+    /// Adds a page, which receives the current state; `None` if `limit` pages are open.
+    pub fn join(&self, limit: usize) -> Option<Arc<Outbox>> {
         let preset = |name: &'static str| {
             let Material { base_color: [r, g, b, _], metallic, roughness, .. } = Material::preset(name)?;
             Some(Preset { name, base_color: [r, g, b], metallic, roughness })
         };
         let materials = Material::preset_names().filter_map(preset).collect();
-        self.pages.join(&ToPage::Hello { version: env!("CARGO_PKG_VERSION"), materials })
+        self.pages.join(&ToPage::Hello { version: env!("CARGO_PKG_VERSION"), materials }, limit)
     }
 
-    /// Enqueues a page's message. Replaceable messages are dropped if the queue is full.
-    pub fn receive(&self, message: FromPage, outbox: &Arc<Outbox>) {
-        if message.is_replaceable() {
-            match self.messages.try_send(Message::Page(message, outbox.clone())) {
-                Ok(()) | Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
-            }
+    /// Enqueues a page's message. If the queue is full, replaceable messages are dropped, and the page waits with others.
+    pub async fn receive(&self, message: FromPage, outbox: &Arc<Outbox>) {
+        let is_replaceable = message.is_replaceable();
+        let message = Message::Page(message, outbox.clone());
+        // The session thread lives as long as the program, so that only full queues fail.
+        if is_replaceable {
+            let _ = self.messages.try_send(message);
         } else {
-            self.send(Message::Page(message, outbox.clone()));
+            let _ = self.messages.send(message).await;
         }
     }
 
-    /// Requests to open a scene.
-    pub fn open(&self, source: SceneSource) {
-        self.send(Message::Open(source));
+    /// Requests to open a scene. Must not be called by asynchronous code.
+    pub fn open(&self, source: SceneSource, reservation: Option<Reservation>) {
+        self.send(Message::Open(source, reservation));
     }
 
-    /// Requests to add a mesh to the photo.
+    /// Requests to add a mesh to the photo. Must not be called by asynchronous code.
     pub fn add_mesh(&self, mesh: UploadedMesh) {
         self.send(Message::Mesh(Box::new(mesh)));
     }
@@ -113,7 +118,7 @@ impl SessionHandle {
 
     fn send(&self, message: Message) {
         // The session thread lives as long as the program.
-        let _ = self.messages.send(message);
+        let _ = self.messages.blocking_send(message);
     }
 
     fn set_current(&self, worker: Option<Arc<Worker>>) {
@@ -146,10 +151,9 @@ enum Status {
 }
 
 impl SessionActor {
-    fn serve(mut self, receiver: &Receiver<Message>) {
-        while let Ok(first) = receiver.recv() {
-            let mut waiting = vec![first];
-            waiting.extend(receiver.try_iter().take(QUEUE));
+    fn serve(mut self, mut receiver: Receiver<Message>) {
+        let mut waiting = Vec::new();
+        while receiver.blocking_recv_many(&mut waiting, QUEUE) > 0 {
             for index in 0..waiting.len() {
                 // Of consecutive previews of one kind, and of consecutive seeks, only the last is shown.
                 let is_superseded = matches!(
@@ -170,6 +174,7 @@ impl SessionActor {
                     self.handle.pages.send(&ToPage::Refused { why: Failure::Panic.to_string() }, &[]);
                 }
             }
+            waiting.clear();
         }
     }
 
@@ -177,7 +182,7 @@ impl SessionActor {
         match message {
             Message::Page(message, outbox) => self.handle_page(message, &outbox),
             Message::Mesh(mesh) => self.add_mesh(*mesh),
-            Message::Open(source) => self.open(source),
+            Message::Open(source, reservation) => self.open(source, reservation),
             Message::Opened(attempt, opened) => {
                 let is_awaited = matches!(self.status, Status::Opening { .. }) && attempt == self.attempt;
                 if is_awaited {
@@ -205,6 +210,7 @@ impl SessionActor {
             }
             FromPage::Close => {
                 self.handle.set_current(None);
+                self.handle.uploads.set_meshes(0);
                 self.status = Status::Nothing { error: None };
                 self.handle.pages.send(&self.status_message(), &[]);
                 return;
@@ -243,37 +249,24 @@ impl SessionActor {
                 Ok(())
             }
             FromPage::Probe { pixel, lift_m, exposure_ev } => {
-                let is_valid = lift_m.is_finite() && crate::protocol::EXPOSURES_EV.contains(&exposure_ev);
-                if is_valid {
-                    worker.request_probe(ProbeRequest { pixel, lift_m: lift_m.clamp(0.0, 10.0), exposure_ev });
+                if let Some(what) = invalid_probe(lift_m, exposure_ev) {
+                    send(outbox, &ToPage::Refused { why: SessionError::OutOfRange(what).to_string() }, &[]);
+                } else {
+                    worker.request_probe(ProbeRequest { pixel, lift_m, exposure_ev });
                 }
                 return;
             }
             FromPage::Outside { sequence, view } => {
                 match view.check(session.scene().up()) {
-                    Ok(()) => worker.outside.request(OutsideRequest {
-                        outbox: outbox.clone(),
-                        sequence,
-                        view,
-                        state: worker.state(),
-                    }),
+                    Ok(()) => {
+                        worker.outside.request(outbox, OutsideRequest { sequence, view, state: worker.state() });
+                    }
                     Err(error) => send(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
                 }
                 return;
             }
             FromPage::Overlay { what } => {
-                let scene = session.scene().clone();
-                match guarded(|| overlay(&scene, what)) {
-                    Ok(overlay) => {
-                        let css = |[r, g, b]: [u8; 3]| format!("rgb({r} {g} {b})");
-                        let legend = overlay.legend.into_iter().map(|(color, text)| (css(color), text)).collect();
-                        match lo_imaging::encode_rgba8("overlay.png", &overlay.image, "lightoctree view") {
-                            Ok(png) => send(outbox, &ToPage::Overlay { what, legend, lengths: [png.len()] }, &[&png]),
-                            Err(error) => send(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
-                        }
-                    }
-                    Err(error) => send(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
-                }
+                worker.overlays.request(outbox, what);
                 return;
             }
             FromPage::Stop | FromPage::Close => return,
@@ -295,22 +288,25 @@ impl SessionActor {
     }
 
     fn add_mesh(&mut self, mesh: UploadedMesh) {
-        let UploadedMesh { file, content, parts, model, warnings } = mesh;
+        let UploadedMesh { file, content, parts, model, warnings, reservation } = mesh;
         let Status::Scene { session, .. } = &mut self.status else { return };
         let added = session
             .add_mesh(&file, model, content, parts)
             .and_then(|mesh| session.apply(&lo_session::Command::Add { mesh, pixel: None, material: None }));
+        self.handle.uploads.set_meshes(session.mesh_bytes());
+        drop(reservation);
         for why in warnings.into_iter().chain(added.err().map(|error: SessionError| error.to_string())) {
             self.handle.pages.send(&ToPage::Refused { why }, &[]);
         }
         self.changed();
     }
 
-    fn open(&mut self, source: SceneSource) {
+    fn open(&mut self, source: SceneSource, reservation: Option<Reservation>) {
         if let Status::Opening { stop, .. } = &self.status {
             stop.store(true, Ordering::SeqCst);
         }
         self.handle.set_current(None);
+        self.handle.uploads.set_meshes(0);
         self.attempt += 1;
         let (attempt, file, stop) = (self.attempt, source.file(), Arc::new(AtomicBool::new(false)));
         self.status = Status::Opening { file: file.clone(), stop: stop.clone() };
@@ -333,6 +329,7 @@ impl SessionActor {
             };
             let opened = catch_unwind(AssertUnwindSafe(|| source.open(warning_text, &mut on_event as OnEvent<'_>)));
             let opened = opened.unwrap_or_else(|_| Err("internal error; see the terminal output".to_owned()));
+            drop(reservation);
             handle.send(Message::Opened(attempt, opened.map(Box::new)));
         };
         if let Err(error) = std::thread::Builder::new().name("opening".into()).spawn(job) {
@@ -364,7 +361,8 @@ impl SessionActor {
         });
         match status {
             Ok(status) => {
-                if let Status::Scene { worker, .. } = &status {
+                if let Status::Scene { session, worker, .. } = &status {
+                    self.handle.uploads.set_meshes(session.mesh_bytes());
                     self.handle.set_current(Some(worker.clone()));
                 }
                 self.status = status;
@@ -377,4 +375,12 @@ impl SessionActor {
             }
         }
     }
+}
+
+/// Returns the name of a value of a probe that is out of range.
+fn invalid_probe(lift_m: f32, exposure_ev: f32) -> Option<&'static str> {
+    if !PROBE_LIFTS_M.contains(&lift_m) {
+        return Some("the probe's distance from the surface");
+    }
+    (!EXPOSURES_EV.contains(&exposure_ev)).then_some("the probe's exposure")
 }

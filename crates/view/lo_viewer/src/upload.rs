@@ -1,18 +1,19 @@
 //! Uploads: meshes with the files that they reference, scenes, and photos with depth and panoramas.
 
 use std::cell::RefCell;
-use std::sync::PoisonError;
 
-use axum::body::Bytes;
+use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use lo_mesh::{LoadOptions, Model};
-use lo_session::Files;
+use lo_session::{Files, plain_name};
 use percent_encoding::percent_decode_str;
 
 use crate::app::App;
+use crate::body::read_body;
 use crate::session_actor::UploadedMesh;
+use crate::uploads::{MAX_UPLOAD, Reservation};
 use crate::{NamedFile, PhotoSource, SceneSource};
 
 /// Header with the percent-encoded file name. Other sites' pages cannot set it without a CORS preflight.
@@ -23,7 +24,7 @@ pub(crate) async fn upload(
     State(app): State<App>,
     Path((_, kind)): Path<(String, String)>,
     headers: HeaderMap,
-    bytes: Bytes,
+    body: Body,
 ) -> Response {
     let refused = |why: String| (StatusCode::BAD_REQUEST, why).into_response();
     let Some(name) = headers.get(NAME).and_then(|name| name.to_str().ok()) else {
@@ -31,42 +32,46 @@ pub(crate) async fn upload(
     };
     let name = percent_decode_str(name).decode_utf8_lossy();
     // Folders are dropped: the name only identifies the file.
-    let name = name.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
-    if name.is_empty() || name.len() > 200 || name.chars().any(char::is_control) {
+    let name = plain_name(name.rsplit(['/', '\\']).next().unwrap_or_default());
+    if matches!(name.as_str(), "" | "." | "..") || name.len() > 200 {
         return refused("the file has no usable name".to_owned());
     }
-    let bytes = Vec::from(bytes);
-    let pool = || app.pool.lock().unwrap_or_else(PoisonError::into_inner);
+    let uploads = app.session.uploads.clone();
+    let (bytes, mut reservation) = match read_body(body, &uploads, MAX_UPLOAD).await {
+        Ok(read) => read,
+        Err(refusal) => return refusal.into_response(),
+    };
     match kind.as_str() {
         // Held until the mesh or photo arrives.
         "part" | "depth" | "depth-model" | "depth-model-config" | "panorama" => {
             let key = if kind == "part" { name } else { format!("{kind}/{name}") };
-            match pool().put(key, bytes) {
+            match uploads.keep(key, bytes) {
                 Ok(()) => StatusCode::NO_CONTENT.into_response(),
-                Err(why) => refused(why.to_owned()),
+                Err(error) => refused(error.to_string()),
             }
         }
         "mesh" => {
             if app.session.current().is_none() {
                 return refused("open a photo or a scene first".to_owned());
             }
-            let parts = std::mem::take(&mut *pool()).files;
+            let _reading = uploads.reading.lock().await;
+            let parts = reservation.take_waiting();
             let session = app.session.clone();
             let read = tokio::task::spawn_blocking(move || {
                 // Referenced files are stored in the scene file, too.
                 let referenced: RefCell<Files> = RefCell::default();
                 let resolve = |part: &str| {
-                    let part = part.rsplit(['/', '\\']).next().unwrap_or_default();
+                    let part = plain_name(part.rsplit(['/', '\\']).next().unwrap_or_default());
                     let bytes =
-                        parts.get(part).ok_or_else(|| std::io::Error::other("drop it together with the mesh"))?;
-                    referenced.borrow_mut().insert(part.to_owned(), bytes.as_slice().into());
+                        parts.get(&part).ok_or_else(|| std::io::Error::other("drop it together with the mesh"))?;
+                    referenced.borrow_mut().insert(part, bytes.as_slice().into());
                     Ok(bytes.clone())
                 };
                 let model = Model::from_bytes(&name, &bytes, &resolve, &LoadOptions::default());
                 let model = model.map_err(|error| error.to_string())?;
                 let warnings = model.warnings.iter().map(|warning| format!("{name}: {warning}")).collect();
                 let (content, parts) = (bytes.into(), referenced.into_inner());
-                session.add_mesh(UploadedMesh { file: name, content, parts, model, warnings });
+                session.add_mesh(UploadedMesh { file: name, content, parts, model, warnings, reservation });
                 Ok::<_, String>(())
             });
             match read.await {
@@ -75,20 +80,17 @@ pub(crate) async fn upload(
                 Err(_) => refused("internal error; see the terminal output".to_owned()),
             }
         }
-        "scene" => {
-            app.session.open(SceneSource::Scene { file: name, bytes, is_saved: true });
-            StatusCode::NO_CONTENT.into_response()
-        }
+        "scene" => open(app, SceneSource::Scene { file: name, bytes, is_saved: true }, reservation).await,
         "photo" => {
             let Some(estimator) = app.estimator.clone() else {
                 return refused("this program was built without weights, so it opens scenes only".to_owned());
             };
-            let mut files = std::mem::take(&mut *pool()).files;
+            let mut files = reservation.take_waiting();
             let mut take = |kind: &str| {
                 let key = files.keys().find(|key| key.starts_with(kind)).cloned()?;
                 Some(NamedFile { bytes: files.remove(&key)?, name: key[kind.len()..].to_owned() })
             };
-            app.session.open(SceneSource::Photo(PhotoSource {
+            let source = SceneSource::Photo(PhotoSource {
                 photo: NamedFile { name, bytes },
                 depth: take("depth/"),
                 #[cfg(feature = "depth-models")]
@@ -96,10 +98,18 @@ pub(crate) async fn upload(
                 panorama: take("panorama/"),
                 intrinsics: None,
                 estimator,
-            }));
-            StatusCode::NO_CONTENT.into_response()
+            });
+            open(app, source, reservation).await
         }
         _ => (StatusCode::NOT_FOUND, "no such upload").into_response(),
+    }
+}
+
+async fn open(app: App, source: SceneSource, reservation: Reservation) -> Response {
+    let opened = tokio::task::spawn_blocking(move || app.session.open(source, Some(reservation))).await;
+    match opened {
+        Ok(()) => StatusCode::NO_CONTENT.into_response(),
+        Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "internal error; see the terminal output").into_response(),
     }
 }
 

@@ -9,12 +9,15 @@ use lightoctree::{Event, Warning};
 use lo_imaging as imaging;
 use lo_insert::Composite;
 use lo_session::{
-    ImagePatch, LitSceneCache, OpenScene, Probe, RenderStep, Renderer, SessionError, State, outputs, probe_position,
+    ImagePatch, LitSceneCache, OpenScene, Overlay, Probe, RenderStep, Renderer, SessionError, State, outputs,
+    probe_position,
 };
 
 use crate::failure::{Failure, guarded, stage_of};
 use crate::outbox::Pages;
-use crate::outside::OutsideQueue;
+use crate::outside::{self, OutsideRequest};
+use crate::overlays;
+use crate::page_queue::PageQueue;
 use crate::protocol::{DRAFT_JPEG_QUALITY, ToPage};
 use crate::sequence_download::SequenceDownload;
 use crate::warning_text::WarningText;
@@ -47,7 +50,9 @@ pub(crate) struct ProbeRequest {
 pub(crate) struct Worker {
     pub scenes: Arc<LitSceneCache>,
     /// Requests for images of the room from outside.
-    pub outside: OutsideQueue,
+    pub outside: PageQueue<OutsideRequest>,
+    /// Requests for overlays.
+    pub overlays: PageQueue<Overlay>,
     /// The running sequence download.
     pub sequence_download: SequenceDownload,
     pub pages: Arc<Pages>,
@@ -84,7 +89,8 @@ impl Worker {
         let state = WorkerState { change, since, drafted, finished: None, failed: None, probe: None, is_over: false };
         let worker = Arc::new(Self {
             scenes: Arc::new(LitSceneCache::new(scene)),
-            outside: OutsideQueue::default(),
+            outside: PageQueue::default(),
+            overlays: PageQueue::default(),
             sequence_download: SequenceDownload::default(),
             pages,
             warning_text,
@@ -97,7 +103,8 @@ impl Worker {
             ("draft", threads, Self::run_drafts as fn(&Self)),
             ("refine", threads, Self::run_refinement),
             ("probe", threads.div_ceil(2), Self::run_probes),
-            ("outside", threads, |worker| worker.outside.serve(&worker.scenes)),
+            ("outside", threads, |worker| outside::serve(&worker.outside, &worker.scenes)),
+            ("overlay", threads.div_ceil(2), |worker| overlays::serve(&worker.overlays, worker.scenes.scene())),
         ] {
             let worker = worker.clone();
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(std::io::Error::other)?;
@@ -130,6 +137,7 @@ impl Worker {
         self.lock().is_over = true;
         self.changed.notify_all();
         self.outside.end();
+        self.overlays.end();
     }
 
     /// Returns the current state.

@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
 use lo_geometry::Vec3;
+use lo_imaging as imaging;
 use lo_insert::{Align, Layout, LayoutObject, PathSource};
 use lo_mesh::MaterialSpec;
 
 use crate::choice::{Choice, choice};
-use crate::commands::parse;
+use crate::commands::{MAX_TEXT_BYTES, parse, read_text};
 use crate::usage::Usage;
 
 /// The options without their order, as clap parses them.
@@ -137,13 +138,13 @@ impl ObjectArgs {
         }
         let (layout, folder) = match &self.layout {
             Some(file) => {
-                let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+                let text = read_text(file)?;
                 let layout = Layout::from_json(&text).with_context(|| format!("{}", file.display()))?;
                 (layout, file.parent().map(Path::to_owned).unwrap_or_default())
             }
             None => (Layout::new(self.objects()?)?, PathBuf::new()),
         };
-        let layout = layout.with_paths(|path| std::fs::read_to_string(folder.join(path)))?;
+        let layout = layout.with_paths(|path| imaging::read_regular_text(folder.join(path), MAX_TEXT_BYTES))?;
         Ok(Some((layout, folder)))
     }
 

@@ -48,6 +48,8 @@ impl Browser {
             .args([
                 // The TLS proxy of the tests signs its own certificate.
                 "--ignore-certificate-errors",
+                // A host name that the tests use for this machine.
+                "--host-resolver-rules=MAP studio.example 127.0.0.1",
                 "--no-first-run",
                 "--disable-background-networking",
                 "--hide-scrollbars",

@@ -75,6 +75,7 @@ impl Drop for TlsProxy {
     }
 }
 
-fn free_port() -> u16 {
+/// Returns a port that is free at the moment.
+pub fn free_port() -> u16 {
     TcpListener::bind(("127.0.0.1", 0)).unwrap().local_addr().unwrap().port()
 }

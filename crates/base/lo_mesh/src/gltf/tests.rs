@@ -319,5 +319,7 @@ fn a_device_is_no_file_beside_the_mesh() {
     std::fs::write(&path, root.to_string()).unwrap();
     let error = Model::load(&path, &crate::LoadOptions::default()).unwrap_err();
     let error = std::error::Error::source(&error).unwrap().to_string();
-    assert!(error.ends_with("not a regular file"), "{error}");
+    assert!(error.ends_with("only regular files are read"), "{error}");
+    let error = Model::load("/dev/zero", &crate::LoadOptions::default()).unwrap_err().to_string();
+    assert!(error.starts_with("cannot read /dev/zero") && error.ends_with("only regular files are read"), "{error}");
 }

@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Seek};
 use std::path::{Component, Path};
 
 use half::{bf16, f16};
+use lo_imaging::open_regular_file;
 
 use super::wire::read_at;
 use super::{AttributeValue, Data, Element, Graph, MAX_TENSORS, MAX_WEIGHT_BYTES, Tensor};
@@ -192,12 +193,9 @@ fn open_external(folder: &Path, name: &str) -> Result<(BufReader<File>, u64), St
     if !path.starts_with(&folder) {
         return Err("it links out of the model's folder, so it is not read".to_owned());
     }
-    let file = File::open(&path).map_err(|e| e.to_string())?;
-    let metadata = file.metadata().map_err(|e| e.to_string())?;
-    if !metadata.is_file() {
-        return Err("it is not a file".to_owned());
-    }
-    Ok((BufReader::new(file), metadata.len()))
+    // Only the stated ranges of it are read, so its length is not limited.
+    let (file, length) = open_regular_file(&path, u64::MAX).map_err(|e| e.to_string())?;
+    Ok((BufReader::new(file), length))
 }
 
 fn read_converted<R: BufRead + Seek>(

@@ -91,6 +91,18 @@ fn the_builder_builds_what_runs() {
 }
 
 #[test]
+fn integer_divisions_that_overflow_are_errors() {
+    for (op, smallest) in [("Div", i64::MIN), ("Mod", i64::MIN), ("Div", i64::from(i32::MIN))] {
+        let quotient = node(op, &["a", "b"], &["c"], &[]);
+        let reshaped = node("Reshape", &["x", "c"], &["y"], &[]);
+        let file = file(&[ints("a", &[2], &[8, smallest]), ints("b", &[2], &[2, -1]), quotient, reshaped], &[]);
+        let error = run(&file).unwrap_err().to_string();
+        // Not the message of a caught panic.
+        assert!(error.contains("divides the smallest integer by -1"), "{error}");
+    }
+}
+
+#[test]
 fn sizes_do_not_explode() {
     let big = 1 << 40;
     let reduce = node("ReduceMax", &["big"], &["y"], &[]);

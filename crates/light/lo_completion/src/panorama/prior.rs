@@ -1,9 +1,10 @@
 //! A panorama as given by the user.
 
 use std::io::Read;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
-use lo_geometry::{Orientation, Vec3};
+use lo_geometry::{MAX_COORDINATE_M, Orientation, Vec3, is_position};
 use lo_imaging::{EncodedPhoto, Format, Image, ImageError, PartialPanorama, Photo, PhotoFile, RadianceImage, reorient};
 
 use super::PanoramaWarning;
@@ -16,6 +17,15 @@ const CLIP_LEVEL: u8 = 250;
 
 /// The clipping level in linear light.
 const CLIP_LEVEL_LINEAR: f32 = 0.956;
+
+/// Largest value of a panorama: 600 times the sun's luminance in cd/m².
+const MAX_VALUE: f32 = 1e12;
+
+/// Valid exposures, within ± 40 stops.
+const EXPOSURES: RangeInclusive<f32> = 1.0 / (1u64 << 40) as f32..=(1u64 << 40) as f32;
+
+/// Largest yaw in either direction: ten turns.
+const MAX_YAW_RAD: f32 = 63.0;
 
 /// A panorama of the room, to be [applied](crate::apply_panorama) to surfaces that the photo does not show.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,15 +72,21 @@ pub enum PanoramaError {
     /// The image is black.
     #[error("it is black or has no finite values")]
     Black,
-    /// The position is not finite.
-    #[error("its position is NaN or infinite")]
-    Position,
-    /// The exposure is not a positive finite factor.
-    #[error("its exposure must be finite and greater than 0, got {0}")]
+    /// The radiance is too large.
+    #[error("its largest value is {largest:e}; at most {MAX_VALUE:e} is accepted")]
+    Radiance {
+        /// Largest finite value.
+        largest: f32,
+    },
+    /// The position is far from the room.
+    #[error("its position must be within ± {MAX_COORDINATE_M} m, got {0}")]
+    Position(Vec3),
+    /// The exposure is out of range.
+    #[error("its exposure must be within ± 40 stops, a factor from 9.1e-13 to 1.1e12; got {0}")]
     Exposure(f32),
-    /// The yaw is not finite.
-    #[error("its yaw is NaN or infinite")]
-    Yaw,
+    /// The yaw is out of range.
+    #[error("its yaw must be within ± 63 rad, got {0}")]
+    Yaw(f32),
 }
 
 impl PanoramaPrior {
@@ -79,7 +95,7 @@ impl PanoramaPrior {
     /// Values that are negative or not finite become 0 and are [counted](Self::warnings).
     ///
     /// # Errors
-    /// An image that is not twice as wide as high, too small, or black.
+    /// An image that is not twice as wide as high, too small, black, or brighter than 10¹².
     pub fn new(radiance: RadianceImage, orientation: Orientation, file: &str) -> Result<Self, PanoramaError> {
         Self::with_clipped(radiance, None, orientation, file)
     }
@@ -114,8 +130,12 @@ impl PanoramaPrior {
                 cleaned += 1;
             }
         }
-        if radiance.pixels().iter().flatten().all(|&c| c == 0.0) {
+        let largest = radiance.pixels().as_flattened().iter().copied().fold(0.0, f32::max);
+        if largest == 0.0 {
             return Err(PanoramaError::Black);
+        }
+        if largest > MAX_VALUE {
+            return Err(PanoramaError::Radiance { largest });
         }
         // Masks are reoriented as radiance is: any mixture with a clipped pixel is clipped.
         let turn = |image: &RadianceImage| reorient(image, orientation, Orientation::Lightoctree);
@@ -214,19 +234,19 @@ impl PanoramaPrior {
         [cleaned, clipped, partial].into_iter().flatten().collect()
     }
 
-    /// Checks that position and overrides are finite.
+    /// Checks the ranges of position and overrides.
     ///
     /// # Errors
     /// The first invalid value.
     pub fn check(&self) -> Result<(), PanoramaError> {
-        if !self.position_m.is_finite() {
-            return Err(PanoramaError::Position);
+        if !is_position(self.position_m) {
+            return Err(PanoramaError::Position(self.position_m));
         }
-        if let Some(exposure) = self.exposure.filter(|exposure| !(exposure.is_finite() && *exposure > 0.0)) {
+        if let Some(exposure) = self.exposure.filter(|exposure| !EXPOSURES.contains(exposure)) {
             return Err(PanoramaError::Exposure(exposure));
         }
-        if self.yaw_rad.is_some_and(|yaw| !yaw.is_finite()) {
-            return Err(PanoramaError::Yaw);
+        if let Some(yaw) = self.yaw_rad.filter(|yaw| !(yaw.abs() <= MAX_YAW_RAD)) {
+            return Err(PanoramaError::Yaw(yaw));
         }
         Ok(())
     }

@@ -352,6 +352,19 @@ fn invalid_panoramas_are_rejected_and_bad_values_cleaned() {
     assert_eq!(error.to_string(), "it is 300 × 100 pixels; an equirectangular panorama is twice as wide as high");
     assert!(matches!(new(RadianceImage::new(8, 4, vec![[1.0; 3]; 32])), Err(PanoramaError::Small { .. })));
     assert!(matches!(new(RadianceImage::new(64, 32, vec![[f32::NAN; 3]; 2048])), Err(PanoramaError::Black)));
+    let bright = new(RadianceImage::new(64, 32, vec![[1e38, 1.0, 0.0]; 2048])).unwrap_err();
+    assert_eq!(bright.to_string(), "its largest value is 1e38; at most 1e12 is accepted");
+    let usual = || new(RadianceImage::new(64, 32, vec![[1.0; 3]; 2048])).unwrap();
+    assert!(usual().check().is_ok());
+    for (wrong, what) in [
+        (usual().at(Vec3::new(0.0, 1e30, 0.0)), "its position must be within ± 10000 m"),
+        (with_hints(usual(), None, Some(1e30)), "its exposure must be within ± 40 stops"),
+        (with_hints(usual(), None, Some(0.0)), "its exposure must be within ± 40 stops"),
+        (with_hints(usual(), Some(f32::NAN), None), "its yaw must be within"),
+    ] {
+        let error = wrong.check().unwrap_err().to_string();
+        assert!(error.starts_with(what), "{error}");
+    }
     let mut image = RadianceImage::new(64, 32, vec![[1.0; 3]; 2048]);
     image[(3, 4)] = [f32::INFINITY, -1.0, 2.0];
     let mended = new(image).unwrap();

@@ -9,6 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, de};
 use serde_json::Value;
 
 use crate::objects::path::frame_times_s;
+use crate::objects::ranges;
 use crate::{Align, Anchor, Base, Ground, InsertError, Instance, Path, PathPlacement, Placement};
 
 /// Objects that are inserted together, read from JSON.
@@ -82,7 +83,7 @@ impl Layout {
     /// Validates the objects, and names those without a name.
     ///
     /// # Errors
-    /// If an object has no position or several, two sizes or an invalid one, a duplicate name, or a carrier that does
+    /// If an object has no position or several, two sizes, a number out of range, a duplicate name, or a carrier that does
     /// not precede it.
     pub fn new(mut objects: Vec<LayoutObject>) -> Result<Self, InsertError> {
         if objects.is_empty() || objects.len() > Self::MAX_OBJECTS {
@@ -266,10 +267,13 @@ impl LayoutObject {
         if self.scale.is_some() && self.height_m.is_some() {
             return Err("\"scale\" and \"height_m\" cannot both be given".into());
         }
-        for (name, size) in [("scale", self.scale), ("height_m", self.height_m)] {
-            if size.is_some_and(|size| !(size.is_finite() && size > 0.0)) {
-                return Err(format!("\"{name}\" must be a finite number above 0"));
-            }
+        ranges::PIXEL.check(self.pixel.iter().flatten())?;
+        ranges::POSITION_M.check(self.position_m.iter().flatten())?;
+        ranges::YAW_DEG.check(&self.yaw_deg)?;
+        ranges::SCALE.check(&self.scale)?;
+        ranges::HEIGHT_M.check(&self.height_m)?;
+        if let Some(PathSource::Keyframes(path)) = &self.path {
+            path.check().map_err(|error| error.to_string())?;
         }
         Ok(())
     }

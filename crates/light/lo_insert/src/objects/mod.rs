@@ -9,4 +9,5 @@ pub(crate) mod object;
 pub(crate) mod patches;
 pub(crate) mod path;
 pub(crate) mod placement;
+pub(crate) mod ranges;
 pub(crate) mod tracing;

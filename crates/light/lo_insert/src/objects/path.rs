@@ -1,6 +1,7 @@
 use lo_geometry::Vec3;
 use serde::{Deserialize, Serialize};
 
+use crate::objects::ranges;
 use crate::{Align, Base, Ground, InsertError, Placement};
 
 /// Path of a moving object: keyframes over time, read from JSON.
@@ -101,16 +102,18 @@ impl Path {
         Ok(path)
     }
 
-    fn check(&self) -> Result<(), InsertError> {
+    pub(crate) fn check(&self) -> Result<(), InsertError> {
         let fail = |message: String| Err(InsertError::Path(message));
         if self.keyframes.is_empty() || self.keyframes.len() > Self::MAX_KEYFRAMES {
             return fail(format!("needs 1 to {} keyframes, has {}", Self::MAX_KEYFRAMES, self.keyframes.len()));
         }
         for (i, key) in self.keyframes.iter().enumerate() {
-            let numbers = key.position_m.iter().flatten().chain(key.pixel.iter().flatten());
-            if !numbers.chain([&key.time_s, &key.yaw_deg]).all(|x| x.is_finite()) {
-                return fail(format!("keyframe {i} has a number that is not finite"));
-            }
+            ranges::POSITION_M
+                .check(key.position_m.iter().flatten())
+                .and_then(|()| ranges::PIXEL.check(key.pixel.iter().flatten()))
+                .and_then(|()| ranges::TIME_S.check([&key.time_s]))
+                .and_then(|()| ranges::YAW_DEG.check([&key.yaw_deg]))
+                .or_else(|wrong| fail(format!("keyframe {i}: {wrong}")))?;
             if key.position_m.is_some() == key.pixel.is_some() {
                 return fail(format!("keyframe {i} needs either \"position_m\" or \"pixel\""));
             }

@@ -473,7 +473,35 @@ fn layouts_that_make_no_sense_are_refused_by_name() {
             "object 2 (b.glb): unknown field `pixle`",
         ),
         (r#"[{"mesh": "a.glb", "pixel": [1]}]"#, "object 1 (a.glb)"),
-        (r#"[{"mesh": "a.glb", "pixel": [1, 2], "scale": 0}]"#, "above 0"),
+        (
+            r#"[{"mesh": "a.glb", "pixel": [1, 2], "scale": 0}]"#,
+            "\"scale\" must be from 0.000001 to 1000000 m per unit",
+        ),
+        (r#"[{"mesh": "a.glb", "pixel": [1, 2], "scale": 1e300}]"#, "\"scale\" must be from"),
+        (r#"[{"mesh": "a.glb", "pixel": [1, 2], "height_m": -1}]"#, "\"height_m\" must be from"),
+        (r#"[{"mesh": "a.glb", "pixel": [1, 2], "height_m": 1e30}]"#, "\"height_m\" must be from 0.000001 to 10000 m"),
+        (r#"[{"mesh": "a.glb", "name": "vase", "pixel": [1, 1e30]}]"#, "object 1 (vase): \"pixel\" must be from"),
+        (
+            r#"[{"mesh": "a.glb", "position_m": [1, 1e30, 0]}]"#,
+            "\"position_m\" must be from -10000 to 10000 m, got 1e30",
+        ),
+        (r#"[{"mesh": "a.glb", "pixel": [1, 2], "yaw_deg": -1e30}]"#, "\"yaw_deg\" must be from"),
+        (
+            r#"[{"mesh": "a.glb", "path": {"keyframes": [{"time_s": 1e30, "pixel": [1, 2]}]}}]"#,
+            "keyframe 0: \"time_s\" must",
+        ),
+        (
+            r#"[{"mesh": "a.glb", "path": {"keyframes": [{"time_s": 0, "pixel": [1e9, 2]}]}}]"#,
+            "keyframe 0: \"pixel\" must",
+        ),
+        (
+            r#"[{"mesh": "a.glb", "path": {"keyframes": [{"time_s": 0, "position_m": [0, 0, -1e9]}]}}]"#,
+            "\"position_m\" must",
+        ),
+        (
+            r#"[{"mesh": "a.glb", "path": {"keyframes": [{"time_s": 0, "pixel": [1, 2], "yaw_deg": 1e9}]}}]"#,
+            "\"yaw_deg\" must",
+        ),
         (r#"[{"mesh": "a.glb", "pixel": [1, 2], "scale": 1, "height_m": 1}]"#, "cannot both"),
         (r#"[{"mesh": "a.glb", "pixel": [1, 2], "material": "golf"}]"#, "golf"),
         (r#"[{"mesh": "a.glb", "pixel": [1, 2], "material": {"colour": 1}}]"#, "colour"),

@@ -108,10 +108,10 @@ fn errors_name_tensor_and_entry() {
         error_after("octree.4.nonempty", |t| t.bytes[1] = 2),
         "tensor octree.4.nonempty, entry 1 is neither 0 nor 1"
     );
-    for (entry, value) in [(3, 1.5f32), (2, -1.0), (1, f32::NAN), (0, f32::INFINITY)] {
+    for (entry, value) in [(3, 1.5f32), (2, -1.0), (1, f32::NAN), (0, f32::INFINITY), (2, 1.1e14)] {
         assert_eq!(
             error_after("octree.3.rgba", word(4 + entry, value.to_le_bytes())),
-            "tensor octree.3.rgba, entry 1 is not finite radiance >= 0 with opacity in [0, 1]"
+            "tensor octree.3.rgba, entry 1 is not radiance from 0 to 1e14 with opacity in [0, 1]"
         );
     }
     assert_eq!(
@@ -150,8 +150,12 @@ fn headers_are_checked() {
         ),
         (
             OctreeHeader { cube, ..header },
-            "the cube must have a finite corner and a positive edge, got corner [-1.25, -0.1, -3.3] m and edge NaN m",
+            "the cube's edge must be from 0.001 to 1000000 m and its corner within ± 1000000 m, \
+             got corner [-1.25, -0.1, -3.3] m and edge NaN m",
         ),
+        (OctreeHeader { cube: Cube { edge_m: 1e19, ..CUBE }, ..header }, "the cube's edge must be from"),
+        (OctreeHeader { cube: Cube { edge_m: 1e-30, ..CUBE }, ..header }, "the cube's edge must be from"),
+        (OctreeHeader { cube: Cube { origin_m: Vec3::splat(-1e7), ..CUBE }, ..header }, "the cube's edge must be from"),
         (OctreeHeader { depth: 5, ..header }, "tensor octree.5.keys is missing"),
         (OctreeHeader { depth: 3, ..header }, "tensor octree.3.children, entry 0 splits a node of the finest depth"),
         (OctreeHeader { full_depth: 4, ..header }, "tensor octree.2.children, entry"),

@@ -10,16 +10,6 @@ pub enum PoseError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The file is too long.
-    #[error("{file}: {bytes} bytes are too many for a pose file; at most {most} are read")]
-    TooLarge {
-        /// Name of the file.
-        file: String,
-        /// Length, bytes.
-        bytes: u64,
-        /// Longest file that is read, bytes.
-        most: u64,
-    },
     /// The format is unknown.
     #[error(
         "{0}: unknown pose file format; supported are lightoctree's own (`photos`), Record3D's metadata.json (`poses`), frames of 3D Scanner App \

@@ -1,6 +1,6 @@
-use std::io::Read;
 use std::path::Path;
 
+use lo_imaging::read_regular_file;
 use serde_json::Value;
 
 use super::error::PoseError;
@@ -54,14 +54,8 @@ impl PoseFile {
 /// that are not text.
 pub(super) fn read_text(path: &Path, unknown: fn(String) -> PoseError) -> Result<(String, String), PoseError> {
     let name = path.display().to_string();
-    let io = |source| PoseError::Read { path: name.clone(), source };
-    let file = std::fs::File::open(path).map_err(io)?;
-    let length = file.metadata().map_err(io)?.len();
-    if length > MAX_FILE_BYTES {
-        return Err(PoseError::TooLarge { file: name, bytes: length, most: MAX_FILE_BYTES });
-    }
-    let mut bytes = Vec::with_capacity(length as usize);
-    file.take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(io)?;
+    let bytes = read_regular_file(path, MAX_FILE_BYTES);
+    let bytes = bytes.map_err(|source| PoseError::Read { path: name.clone(), source })?;
     let text = String::from_utf8(bytes).map_err(|_| unknown(name.clone()))?;
     Ok((text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text), name))
 }

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { readFileSync, readdirSync } from "node:fs";
 import { test } from "node:test";
 
-import { coded, element, fill, hexFromLinear, linear, linearFromHex, short } from "../dom.js";
+import { coded, copyText, element, fill, hexFromLinear, linear, linearFromHex, short } from "../dom.js";
 import { FakeElement, installDocument } from "./support/dom.js";
 import { assertNear } from "./support/scene.js";
 
@@ -18,6 +18,35 @@ test("colours convert to hexadecimal codes and back", () => {
   assert.equal(hexFromLinear([1, 0, 0.2158605]), "#ff0080");
   assert.equal(hexFromLinear([2, -1, 0]), "#ff0000", "clamped");
   for (const hex of ["#000000", "#ffffff", "#0a64c8"]) assert.equal(hexFromLinear(linearFromHex(hex)), hex);
+});
+
+test("text is copied over https and, by the older command, over http", async () => {
+  const document = installDocument();
+  const shown = Object.assign(new FakeElement("code"), { textContent: "lightoctree insert" });
+  const written = [];
+  const set = (clipboard) => Object.defineProperty(globalThis, "navigator", { value: { clipboard }, configurable: true });
+  let selected = null;
+  globalThis.getSelection = () => ({
+    selectAllChildren: (element) => { selected = element; },
+    removeAllRanges: () => { selected = null; },
+  });
+  let isAllowed = true;
+  document.execCommand = (command) => {
+    if (isAllowed) written.push([command, selected?.textContent]);
+    return isAllowed;
+  };
+  set({ writeText: async (text) => written.push(["clipboard", text]) });
+  assert.equal(await copyText(shown), true);
+  // Browsers have no clipboard in pages over http of other machines.
+  set(undefined);
+  assert.equal(await copyText(shown), true);
+  assert.equal(selected, null);
+  set({ writeText: async () => { throw new Error("NotAllowedError"); } });
+  assert.equal(await copyText(shown), true);
+  assert.deepEqual(written, [["clipboard", "lightoctree insert"], ["copy", "lightoctree insert"], ["copy", "lightoctree insert"]]);
+  isAllowed = false;
+  assert.equal(await copyText(shown), false);
+  assert.equal(selected, shown, "to be copied by hand");
 });
 
 test("numbers have at most three decimals", () => {

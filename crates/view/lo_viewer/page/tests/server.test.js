@@ -25,6 +25,9 @@ function binary(message, ...images) {
   return bytes.buffer;
 }
 
+/** Close event of a lost connection (RFC 6455, 7.1.5). */
+const LOST = { code: 1006, reason: "" };
+
 beforeEach(() => {
   FakeSocket.all = [];
   globalThis.WebSocket = FakeSocket;
@@ -62,21 +65,31 @@ test("messages are sent only while there is a connection", () => {
   assert.deepEqual(socket.sent, ['{"type":"redo"}']);
 });
 
+test("a refused page is told why, and no other reason is shown", () => {
+  const reasons = [];
+  connect(() => {}, (why) => reasons.push(why));
+  const [socket] = FakeSocket.all;
+  socket.onclose({ code: 4001, reason: "too many pages are open" });
+  socket.onclose(LOST);
+  socket.onclose({ code: 1001, reason: "going away" });
+  assert.deepEqual(reasons, ["too many pages are open", "", ""]);
+});
+
 test("a lost connection is opened again, less and less often until it succeeds", () => {
   mock.timers.enable({ apis: ["setTimeout"] });
   let lost = 0;
   connect(() => {}, () => { lost += 1; });
   const waits = [];
   for (let i = 0; i < 7; i++) {
-    FakeSocket.all.at(-1).onclose();
+    FakeSocket.all.at(-1).onclose(LOST);
     let wait = 0;
     for (const before = FakeSocket.all.length; FakeSocket.all.length === before; wait += 50) mock.timers.tick(50);
     waits.push(wait);
   }
   assert.deepEqual(waits, [250, 500, 1000, 2000, 4000, 5000, 5000]);
   assert.equal(lost, 7);
-  FakeSocket.all.at(-1).onopen();
-  FakeSocket.all.at(-1).onclose();
+  FakeSocket.all.at(-1).onmessage({ data: '{"type":"refused","why":""}' });
+  FakeSocket.all.at(-1).onclose(LOST);
   mock.timers.tick(250);
   assert.equal(FakeSocket.all.length, 9);
   mock.timers.reset();
