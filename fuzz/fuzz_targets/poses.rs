@@ -1,4 +1,4 @@
-//! Files of camera poses and lenses: the bytes give an error, rigid transforms, or a lens whose distortion can be undone.
+//! Files of camera poses and lenses: the bytes give an error, rigid transforms, or a lens.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -731,7 +731,9 @@ fn hard_photos_give_a_scene_or_a_clear_error() {
     assert!(message.contains("one.pfm") && message.contains("readings"), "{message}");
     photo("strip.png", 2000, 2);
     depth("strip.pfm", 2000, 2, |_, _| 2.0);
-    done(at, &["estimate", "strip.png", "--depth", "strip.pfm", "-o", "strip.scene"]);
+    let strip = ["estimate", "strip.png", "--depth", "strip.pfm", "-o", "strip.scene"];
+    assert!(refused(at, 1, &strip).contains("is a panorama"));
+    done(at, &[&strip[..], &["--hfov-deg", "65"]].concat());
     photo("photo.png", 60, 40);
     depth("holes.pfm", 60, 40, |_, _| f32::NAN);
     let message = refused(at, 1, &["estimate", "photo.png", "--depth", "holes.pfm", "-o", "a.scene"]);

@@ -80,8 +80,8 @@ impl Camera {
     /// Creates a camera from intrinsics in pixels.
     ///
     /// # Errors
-    /// [`CameraError`] for an empty image, a focal length of no pinhole camera (below 2 % of the image's shorter side or
-    /// above 1000 times its longer side), or a principal point outside the image.
+    /// [`CameraError`] for an empty image, a focal length of no pinhole camera (below 2 % of the image's shorter side
+    /// or above 1000 times its longer side), or a principal point outside the image.
     pub fn new(fx: f64, fy: f64, cx: f64, cy: f64, width: u32, height: u32) -> Result<Self, CameraError> {
         if ![width, height].iter().all(|side| (1..=MAX_SIDE).contains(side)) {
             return Err(CameraError::Size { width, height });

@@ -96,8 +96,8 @@ impl FocalLength {
     /// Focal length in pixels of a photo of `width` × `height`, in either orientation, with square pixels.
     ///
     /// Computed from the focal plane resolution if the original size is known, else from the 35 mm equivalent. A photo
-    /// of another aspect than the original is a crop of it, the largest that fits. `None` if neither is stated, or for an
-    /// implausible lens (a horizontal angle outside 1° to 170°).
+    /// of another aspect than the original is a crop of it, the largest that fits. `None` if neither is stated, or for
+    /// an implausible lens (a horizontal angle outside 1° to 170°).
     pub fn focal_px(&self, width: u32, height: u32) -> Option<f64> {
         let original = self.original_px(width, height);
         let zoom = self.digital_zoom.unwrap_or(1.0);

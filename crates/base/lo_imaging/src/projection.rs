@@ -5,8 +5,8 @@ use crate::{Image, Photo, RadianceImage, luminance, srgb8_from_linear};
 /// How an image that is no ordinary photo seems to be projected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpecialProjection {
-    /// Equirectangular panorama of the whole sphere: twice as wide as high, its sides join, its upper and lower rows each
-    /// show one point.
+    /// Equirectangular panorama of the whole sphere: twice as wide as high, its sides join, and a row at a pole shows
+    /// one point.
     Equirectangular,
     /// Panorama stitched from a turning camera: more than three times as wide as high, or as high as wide.
     Panorama,

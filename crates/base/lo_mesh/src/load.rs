@@ -18,8 +18,8 @@ impl Model {
     /// folder.
     ///
     /// # Errors
-    /// [`MeshError`], naming the file; also for devices, pipes and files of more than 4 GiB. Missing textures are warnings:
-    /// see [`Model::warnings`].
+    /// [`MeshError`], naming the file; also for devices, pipes and files of more than 4 GiB. Missing textures are
+    /// warnings: see [`Model::warnings`].
     pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Self, MeshError> {
         let path = path.as_ref();
         let bytes = read_regular_file(path, MAX_FILE_BYTES)

@@ -57,8 +57,8 @@ impl Estimator {
     /// Estimates the room's radiance from one or several photos (`docs/method.md`).
     ///
     /// The world frame is the first camera's: metres, +X right, +Y up, −Z along the optical axis. Unclipped observed
-    /// radiance is kept as in the photo. Black bars around a photo are left out of the estimate. The result is bit-identical for the same input, options and weights, on any
-    /// number of threads.
+    /// radiance is kept as in the photo. Black bars around a photo are left out of the estimate. The result is
+    /// bit-identical for the same input, options and weights, on any number of threads.
     ///
     /// `on_event` receives stages, figures and warnings, and may cancel the job after each of them.
     ///

@@ -11,7 +11,7 @@ const INVERSE_BELOW: f64 = -0.1;
 /// Ratio of given to predicted depth from which the scale seems wrong, and inverse of the smallest.
 const MAX_RATIO: f64 = 3.0;
 
-/// Least and largest median depth of an ordinary photo of a room, in metres. The network's scale is trusted within them.
+/// Range of median depths of ordinary photos of rooms, in metres, within which the network's scale is trusted.
 const TYPICAL_M: [f64; 2] = [0.8, 6.0];
 
 /// Pixels compared along each side.
@@ -22,8 +22,8 @@ const MIN_COUNT: usize = 64;
 
 /// Compares depth of the same view, in metres and at any resolution.
 ///
-/// Returns a warning if `given_m` decreases where `own_m` increases, or if its scale is far from that of `own_m`. Returns
-/// `None` if they agree, or have too few readings in common.
+/// Returns a warning if `given_m` decreases where `own_m` increases, or if its scale is far from that of `own_m`.
+/// Returns `None` if they agree, or have too few readings in common.
 pub(crate) fn compare(given_m: &DepthMap, own_m: &DepthMap) -> Option<EstimateWarning> {
     let pairs = pairs(given_m, own_m);
     if pairs.len() < MIN_COUNT {

@@ -14,7 +14,7 @@ pub enum EstimateWarning {
     PhotoFile(PhotoNote),
     /// Depth is predicted from the photo alone: distances, sizes and the up direction are uncertain.
     PredictedDepth,
-    /// Depth of a depth model or of a file is relative; it was fitted to the metric depth of the built-in depth network.
+    /// Depth of a model or a file is relative; it was fitted to the metric depth of the built-in depth network.
     FittedDepth {
         /// `a` of `1 / z = a · d + b`; 1 if it is the logarithm of depth.
         scale: f64,

@@ -99,8 +99,8 @@ impl LightOctree {
 
     /// Builds the octree from leaves of `depth` in strictly increasing order of their shuffled `keys`.
     ///
-    /// `rgba[i]` is linear RGB radiance from 0 to [`MAX_RADIANCE`] and opacity in [0, 1]; `seen[i]` is the observed share,
-    /// 0 to 255.
+    /// `rgba[i]` is linear RGB radiance from 0 to [`MAX_RADIANCE`] and opacity in [0, 1]; `seen[i]` is the observed
+    /// share, 0 to 255.
     ///
     /// # Errors
     /// Depths out of range, a cube out of range, lists of different lengths, keys out of order, invalid features.

@@ -152,8 +152,8 @@ impl SceneFile {
     /// Reads a scene file.
     ///
     /// # Errors
-    /// If the file cannot be read, is not a regular file, or has more than [`MAX_FILE_BYTES`]; the error names the path.
-    /// Also returns all errors of [`SceneFile::from_bytes`].
+    /// If the file cannot be read, is not a regular file, or has more than [`MAX_FILE_BYTES`]; the error names the
+    /// path. Also returns all errors of [`SceneFile::from_bytes`].
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let bytes = read_regular_file(path, MAX_FILE_BYTES)
             .map_err(|source| SceneError::Read { path: path.display().to_string(), source })?;

@@ -44,8 +44,8 @@ pub struct Frame {
 impl Frame {
     /// Validates the parts and combines them.
     ///
-    /// Zero, negative, NaN and infinite depths and those beyond 200 m become 0, "no reading". In a linear photo, NaN and
-    /// −∞ become 0, and +∞ the photo's largest finite value.
+    /// Zero, negative, NaN and infinite depths and those beyond 200 m become 0, "no reading". In a linear photo, NaN
+    /// and −∞ become 0, and +∞ the photo's largest finite value.
     ///
     /// # Errors
     /// If the camera does not have the photo's size, the exposure is beyond ± 40 stops, the photo has no finite value

@@ -40,8 +40,8 @@ const MAX_WIDTH: usize = 2048;
 const MAX_HALF: f32 = 60_000.0;
 
 impl PanoramaImage {
-    /// Stores linear radiance with at most 2048 columns, at most [`MAX_RADIANCE`], and rounded to half precision, so that
-    /// the file holds exactly these values.
+    /// Stores linear radiance with at most 2048 columns, at most [`MAX_RADIANCE`], and rounded to half precision, so
+    /// that the file holds exactly these values.
     pub fn new(radiance: &RadianceImage, world_from_panorama: Quat) -> Self {
         let smaller =
             (radiance.width() > MAX_WIDTH).then(|| resize_equirectangular(radiance, MAX_WIDTH, MAX_WIDTH / 2));

@@ -156,7 +156,7 @@ mod tests {
 
     const CAMERA: Camera = Camera { fx: 300.0, fy: 300.0, cx: 160.0, cy: 120.0, width: 320, height: 240 };
 
-    /// What a distorted camera takes of a wall with smooth stripes along `x / z`.
+    /// Photo of a wall with smooth stripes along `x / z`, by a distorted camera.
     fn stripes(distortion: Distortion) -> Photo {
         Photo::Linear(Image::from_fn(CAMERA.width as usize, CAMERA.height as usize, |x, y| {
             let shown = [(x as f64 + 0.5 - CAMERA.cx) / CAMERA.fx, (y as f64 + 0.5 - CAMERA.cy) / CAMERA.fy];

@@ -89,7 +89,7 @@ impl SessionHandle {
         self.pages.join(&ToPage::Hello { version: env!("CARGO_PKG_VERSION"), materials }, limit)
     }
 
-    /// Enqueues a page's message. If the queue is full, replaceable messages are dropped, and the page waits with others.
+    /// Enqueues a page's message. If the queue is full, replaceable messages are dropped, and others wait.
     pub async fn receive(&self, message: FromPage, outbox: &Arc<Outbox>) {
         let is_replaceable = message.is_replaceable();
         let message = Message::Page(message, outbox.clone());

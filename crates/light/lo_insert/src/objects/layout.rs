@@ -83,8 +83,8 @@ impl Layout {
     /// Validates the objects, and names those without a name.
     ///
     /// # Errors
-    /// If an object has no position or several, two sizes, a number out of range, a duplicate name, or a carrier that does
-    /// not precede it.
+    /// If an object has no position or several, two sizes, a number out of range, a duplicate name, or a carrier that
+    /// does not precede it.
     pub fn new(mut objects: Vec<LayoutObject>) -> Result<Self, InsertError> {
         if objects.is_empty() || objects.len() > Self::MAX_OBJECTS {
             let found = objects.len();

@@ -128,7 +128,7 @@ pub enum PoseError {
          frames of 3D Scanner App and Polycam, and COLMAP's cameras.txt (lines of `CAMERA_ID MODEL WIDTH HEIGHT …`)"
     )]
     UnknownLens(String),
-    /// A file has several lenses and does not tell which is the photo's.
+    /// A file has several lenses, and none has the photo's name.
     #[error("{file} has {lenses} different lenses, and none is {photo}'s by name")]
     SeveralLenses {
         /// Name of the file.

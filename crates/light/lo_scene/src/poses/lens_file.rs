@@ -35,7 +35,7 @@ impl PhotoLens {
         Self::from_text(&text, &name, photo, images)
     }
 
-    /// Takes the lens of a photo from the text of such a file. `images` reads the `images.txt` beside `cameras.txt`, and
+    /// Takes the lens of a photo from the text of such a file. `images` reads the `images.txt` beside `cameras.txt`.
     /// `name` appears in errors.
     ///
     /// # Errors

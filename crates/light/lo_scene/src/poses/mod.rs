@@ -12,8 +12,8 @@
 //! | NeRF `transforms.json` | `frames` | ours (OpenGL) | `file_path` |
 //! | TUM trajectory | lines of eight numbers | OpenCV | time stamps in the photos' names, within 20 ms; else order |
 //!
-//! [`PhotoPoses::read`] reads and matches. [`PhotoLens::read`] takes the lens of a single photo from such a file, or from
-//! COLMAP's `cameras.txt`.
+//! [`PhotoPoses::read`] reads and matches. [`PhotoLens::read`] takes the lens of a single photo from such a file, or
+//! from COLMAP's `cameras.txt`.
 
 mod arkit;
 mod colmap;
