@@ -24,9 +24,9 @@ impl EncodedImage<'_> {
 
     /// Rejects sizes that are empty, beyond [`MAX_PIXELS`], or implausible for the number of bytes.
     ///
-    /// The last rule keeps a file of a kilobyte from allocating gigabytes. Deflate reaches 1032 : 1, and no other
-    /// compression of a real image comes near it, so a limit of 4 megapixels + 1100 pixels per byte admits every real
-    /// file.
+    /// The last rule keeps a small file from allocating gigabytes. Deflate reaches 1032 : 1, and no other compression
+    /// of a real image comes near it, so a limit of 4 megapixels + 1100 pixels per byte admits every real file. Beyond
+    /// 64 megapixels, where a 16-bit photo takes gigabytes, it is 64 pixels per byte; photos have 20 at most.
     ///
     /// # Errors
     /// [`ImageError::Invalid`] for an empty image, [`ImageError::TooLarge`] otherwise.
@@ -35,7 +35,8 @@ impl EncodedImage<'_> {
             return Err(self.invalid(format!("the image has no pixels ({width} × {height})")));
         }
         let pixels = width.saturating_mul(height);
-        let plausible = (4 << 20) + 1100 * self.bytes.len() as u64;
+        let bytes = self.bytes.len() as u64;
+        let plausible = ((4 << 20) + 1100 * bytes).min((64 << 20) + 64 * bytes);
         let limit = if pixels > MAX_PIXELS {
             format!("the limit is {} megapixels", MAX_PIXELS >> 20)
         } else if pixels > plausible {

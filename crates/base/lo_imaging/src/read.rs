@@ -23,8 +23,8 @@ const MAX_FILE_BYTES: u64 = 16 << 30;
 ///
 /// Infinite radiance becomes the largest finite value of the file, NaN becomes 0; [`PhotoFile::notes`] says so.
 ///
-/// Sizes are checked before memory is allocated: at most [`MAX_PIXELS`](crate::MAX_PIXELS), and at most 4 megapixels +
-/// 1100 pixels for each byte of the file.
+/// Sizes are checked before memory is allocated: at most [`MAX_PIXELS`](crate::MAX_PIXELS), at most 4 megapixels + 1100
+/// pixels for each byte of the file, and at most 64 megapixels + 64 pixels for each byte.
 ///
 /// # Errors
 /// [`ImageError`] for unreadable, unrecognised, damaged, unsupported and too large files.

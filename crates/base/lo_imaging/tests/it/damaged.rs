@@ -142,6 +142,13 @@ fn sizes_are_checked_before_memory_is_taken() {
     let sum = crc32(&png[12..29]);
     png[29..33].copy_from_slice(&sum.to_be_bytes());
     too_large(&png, "bomb.png");
+    // 16 bits, 16,000 × 16,000 pixels in 1.5 MB, as deflate can hold: 3 GB as floats
+    png[16..26].copy_from_slice(&[0, 0, 0x3e, 0x80, 0, 0, 0x3e, 0x80, 16, 2]);
+    let sum = crc32(&png[12..29]);
+    png[29..33].copy_from_slice(&sum.to_be_bytes());
+    let length = 1_500_000u32.to_be_bytes();
+    let idat = [&png[..33], &length, b"IDAT", &vec![0; 1_500_000]].concat();
+    too_large(&idat, "deep.png");
     // an EXR's data window: the attribute's four numbers
     let (_, mut exr) = exr_sample(exr::compression::Compression::ZIP16, exr::image::Blocks::ScanLines);
     let at = exr.windows(11).position(|w| w == b"dataWindow\0").unwrap() + 11 + 6 + 4;
