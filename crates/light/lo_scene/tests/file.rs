@@ -499,7 +499,7 @@ fn numbers_out_of_range_are_named() {
     ];
     for (pointer, numbers, what) in cases {
         for number in numbers {
-            let value = if number.fract() == 0.0 && number < 5e9 && number >= 0.0 {
+            let value = if number.fract() == 0.0 && (0.0..5e9).contains(&number) {
                 (number as u64).into()
             } else {
                 number.into()

@@ -24,8 +24,8 @@ const MAX_VALUE: f32 = 1e12;
 /// Valid exposures, within ± 40 stops.
 const EXPOSURES: RangeInclusive<f32> = 1.0 / (1u64 << 40) as f32..=(1u64 << 40) as f32;
 
-/// Largest yaw in either direction: ten turns.
-const MAX_YAW_RAD: f32 = 63.0;
+/// Valid yaws: ten turns in either direction.
+const YAWS_RAD: RangeInclusive<f32> = -63.0..=63.0;
 
 /// A panorama of the room, to be [applied](crate::apply_panorama) to surfaces that the photo does not show.
 #[derive(Clone, Debug, PartialEq)]
@@ -245,7 +245,7 @@ impl PanoramaPrior {
         if let Some(exposure) = self.exposure.filter(|exposure| !EXPOSURES.contains(exposure)) {
             return Err(PanoramaError::Exposure(exposure));
         }
-        if let Some(yaw) = self.yaw_rad.filter(|yaw| !(yaw.abs() <= MAX_YAW_RAD)) {
+        if let Some(yaw) = self.yaw_rad.filter(|yaw| !YAWS_RAD.contains(yaw)) {
             return Err(PanoramaError::Yaw(yaw));
         }
         Ok(())
