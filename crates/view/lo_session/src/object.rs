@@ -124,6 +124,7 @@ impl Object {
             path,
             on: None,
             scale,
+            unit: None,
             height_m,
             align: (self.align != Align::default()).then_some(self.align),
             material: self.material.as_ref().map(ObjectMaterial::spec),

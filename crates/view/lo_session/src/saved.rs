@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use lightoctree::Document;
-use lo_insert::{Ground, LayoutObject, PathSource, Placement};
+use lo_insert::{Ground, InsertError, LayoutObject, PathSource, Placement};
 use lo_scene::ObjectDisplay;
 
 use crate::{Mesh, Object, ObjectMaterial, ObjectPosition, ObjectSize, SessionError, State};
@@ -72,10 +72,7 @@ fn placed(
         (None, Some(position_m)) => ObjectPosition::Position(position_m),
         (None, None) => return Err(unsupported("no position")),
     };
-    let size = match (from.scale, from.height_m) {
-        (_, Some(height_m)) => ObjectSize::Height(height_m),
-        (scale, None) => ObjectSize::Scale(scale.unwrap_or(1.0)),
-    };
+    let size = from.height_m.map_or(ObjectSize::Scale(from.metres_per_unit()), ObjectSize::Height);
     let material = from.material.as_ref();
     let material = material
         .map(|spec| ObjectMaterial::from_spec(spec).ok_or_else(|| unsupported("a \"material\"")))
@@ -93,5 +90,12 @@ fn placed(
         material,
         placement: Placement::at(ground.estimate, Default::default(), align),
     };
-    object.placed(ground, time_s)
+    match object.clone().placed(ground, time_s) {
+        // Scenes of earlier versions have objects at pixels of walls, where they hang.
+        Err(SessionError::Insert(InsertError::Steep { position_m, .. })) => {
+            let position = ObjectPosition::Position(position_m.to_array().map(f64::from));
+            Object { position, ..object }.placed(ground, time_s)
+        }
+        placed => placed,
+    }
 }
