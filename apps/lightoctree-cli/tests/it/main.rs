@@ -6,7 +6,9 @@ mod support;
 mod cli;
 #[cfg(feature = "depth-models")]
 mod depth_models;
+mod kept_work;
 mod photos;
+mod placing;
 mod unwrap;
 mod view;
 mod view_in_browser;
