@@ -55,13 +55,16 @@ impl PlacementCheck<'_> {
     ) -> impl Iterator<Item = InsertWarning> + use<> {
         let of_object = |object: usize| {
             let ObjectVisibility { shows, hides } = seen[object];
-            let nothing = (!shows).then(|| match hides {
+            let size = self.room.warning(object, &instances[object]);
+            // That a model in other units surrounds the camera or leaves the room is no news.
+            let is_too_large =
+                matches!(size, Some(InsertWarning::ObjectTooHigh { .. } | InsertWarning::ObjectTooWide { .. }));
+            let nothing = (!shows && !is_too_large).then(|| match hides {
                 _ if objects[object].is_transparent() => InsertWarning::ObjectTransparent { object },
                 true => InsertWarning::ObjectHidden { object },
                 false => InsertWarning::ObjectOutsidePicture { object },
             });
-            let size = self.room.warning(object, &instances[object]);
-            let is_outside = !self.cube.contains(objects[object].centre_m);
+            let is_outside = !is_too_large && !self.cube.contains(objects[object].centre_m);
             let outside = is_outside.then_some(InsertWarning::ObjectOutsideOctree { object });
             let supported =
                 self.supported_share(object, &instances[object], objects).filter(|&share| share < MIN_SUPPORT);

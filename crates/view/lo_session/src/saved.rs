@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use lightoctree::Document;
-use lo_insert::{Ground, InsertError, LayoutObject, PathSource, Placement};
+use lo_insert::{Ground, LayoutObject, PathSource, Placement};
 use lo_scene::ObjectDisplay;
 
 use crate::{Mesh, Object, ObjectMaterial, ObjectPosition, ObjectSize, SessionError, State};
@@ -90,12 +90,5 @@ fn placed(
         material,
         placement: Placement::at(ground.estimate, Default::default(), align),
     };
-    match object.clone().placed(ground, time_s) {
-        // Scenes of earlier versions have objects at pixels of walls, where they hang.
-        Err(SessionError::Insert(InsertError::Steep { position_m, .. })) => {
-            let position = ObjectPosition::Position(position_m.to_array().map(f64::from));
-            Object { position, ..object }.placed(ground, time_s)
-        }
-        placed => placed,
-    }
+    object.placed(ground, time_s)
 }

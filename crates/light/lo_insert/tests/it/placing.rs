@@ -51,7 +51,9 @@ fn clear_glass_in_uniform_light_is_invisible() {
     let middle = composite.alpha[(WIDTH / 2, HEIGHT / 2)];
     assert!((middle - 0.04).abs() < 0.01, "{middle}");
     assert!(composite.alpha.pixels().iter().any(|alpha| *alpha > 0.3), "its rim is a mirror");
-    assert!(composite.shadow_ratio.pixels().iter().all(|ratio| *ratio == [1.0; 3]), "light passes it");
+    // Only its rim, which reflects most of the light, casts a faint shadow.
+    let darkest = composite.shadow_ratio.pixels().iter().flatten().copied().fold(1.0, f32::min);
+    assert!(darkest > 0.9, "{darkest}");
 }
 
 #[test]
