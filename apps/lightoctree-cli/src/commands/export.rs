@@ -131,7 +131,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Tells how each light of `lights` is exported.
+/// Formats how each light of `lights` is exported.
 fn lights_text(lights: &[ListedLight], lamps: &[(String, usize)]) -> String {
     let of_light = |(light, (id, lamps)): (&ListedLight, &(String, usize))| match lamps {
         0 if light.change.is_some_and(|change| !change.on || change.scale == 0.0) => format!("{id} (off)"),

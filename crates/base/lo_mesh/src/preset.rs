@@ -239,7 +239,8 @@ fn unit_interval(field: &str, value: f32) -> Result<f32, MeshError> {
 }
 
 impl Model {
-    /// Replaces all materials of the model by one, with the warnings about them. Texture files are relative to `base_dir`.
+    /// Replaces all materials of the model by one, and drops the warnings about them. Texture files are relative to
+    /// `base_dir`.
     ///
     /// # Errors
     /// As for [`MaterialSpec::parse`]; [`MeshError::Texture`] if an image cannot be used.

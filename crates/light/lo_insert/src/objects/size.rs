@@ -8,7 +8,7 @@ use crate::{InsertWarning, Instance, Unit};
 /// Longest edge of an object's bounding box below which it is too small, metres.
 const SMALLEST_M: f32 = 0.002;
 
-/// Smallest plausible longest edge of an object whose unit is guessed, metres.
+/// Smallest plausible longest edge of an object in a suggested unit, metres.
 const PLAUSIBLE_M: f64 = 0.03;
 
 /// Extent of a room, which limits objects.
