@@ -285,6 +285,11 @@ fn meshes(folder: &Path) -> Result {
     save("square.glb", GLTF, &glb(&triangle_json(buffer.len(), picture.len(), ""), &buffer))?;
     let uri = format!(r#","uri":"data:application/octet-stream;base64,{}""#, base64(&buffer));
     save("embedded.gltf", GLTF, triangle_json(buffer.len(), picture.len(), &uri).as_bytes())?;
+    // Both images of a specular-glossiness material, glass, and an extension that is only named.
+    let materials = r#""extensions":{"KHR_materials_pbrSpecularGlossiness":{"diffuseFactor":[0.9,0.8,0.7,0.6],"diffuseTexture":{"index":0},"specularFactor":[0.5,0.4,0.3],"glossinessFactor":0.7,"specularGlossinessTexture":{"index":0}},"KHR_materials_transmission":{"transmissionFactor":0.5,"transmissionTexture":{"index":0}},"KHR_materials_clearcoat":{"clearcoatFactor":1},"#;
+    let embedded = triangle_json(buffer.len(), picture.len(), &uri);
+    let extended = embedded.replacen(r#""extensions":{"KHR_materials_emissive"#, &format!("{materials}\"KHR_materials_emissive"), 1);
+    save("extensions.gltf", GLTF, extended.as_bytes())?;
     // The target returns the mesh's own bytes for every file that it refers to.
     save("external.gltf", GLTF, triangle_json(buffer.len(), picture.len(), r#","uri":"a.bin""#).as_bytes())?;
     save("sparse.gltf", GLTF, SPARSE.as_bytes())?;
@@ -292,6 +297,7 @@ fn meshes(folder: &Path) -> Result {
     save("square.obj", OBJ, b"mtllib a.mtl\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nusemtl wood\ns 1\nf 1/1/1 2/2/1 3/3/1 -1\nf 4//1 3//1 \\\n 2//1\n")?;
     // Both OBJ and MTL: the target returns the same bytes for the library.
     save("material.obj", OBJ, b"mtllib a\nnewmtl m\nKd 0.5 0.2 0.1\nKs 1 1 1\nNs 50\nPr 0.3\nd 0.5\nillum 2\nmap_Kd -s 2 2 -clamp on a.png\nbump -bm 0.5 b.png\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 2 0\nv 0.5 0.5 0\nf 1 2 4 3 5\n")?;
+    save("other_case.obj", OBJ, b"MTLLIB a\nNEWMTL m\nkd 0 0 0\nD 0\nTR 1\nMAP_KD a.png\nnewmtl n\nTr 0.5\nd -halo 0.5\nUSEMTL M\nV 0 0 0\nV 1 0 0\nV 0 1 0\nF 1 2 3\nusemtl n\nf 1 3 2\n")?;
     save("ascii.ply", PLY, b"ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nproperty float s\nproperty float t\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 255 0 0 0 0\n1 0 0 0 255 0 1 0\n1 1 0 0 0 255 1 1\n0 1 0 9 9 9 0 1\n4 0 1 2 3\n")?;
     let corners = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     for (name, order, big) in [("little.ply", "little", false), ("big.ply", "big", true)] {
@@ -408,7 +414,7 @@ fn texts(folder: &Path) -> Result {
         ),
         (
             "layout",
-            r#"{"objects":[{"mesh":"table.glb","name":"table","pixel":[320,400],"height_m":0.4,"yaw_deg":20,"material":"gold"},{"mesh":"cup.obj","on":"table","scale":0.1,"material":{"roughness":0.2}},{"mesh":"car.ply","path":{"keyframes":[{"time_s":0,"position_m":[0,-1,-3]},{"time_s":1,"pixel":[320,400]}]},"align":"none"},{"mesh":"box.stl","path":"way.json"},{"mesh":"box.stl","position_m":[0,0,-2]}]}"#,
+            r#"{"objects":[{"mesh":"table.glb","name":"table","pixel":[320,400],"height_m":0.4,"yaw_deg":20,"material":"gold"},{"mesh":"cup.obj","on":"table","scale":0.1,"material":{"roughness":0.2}},{"mesh":"car.ply","path":{"keyframes":[{"time_s":0,"position_m":[0,-1,-3]},{"time_s":1,"pixel":[320,400]}]},"align":"none"},{"mesh":"box.stl","path":"way.json"},{"mesh":"box.stl","position_m":[0,0,-2],"unit":"mm"}]}"#,
         ),
         (
             "insert_several",

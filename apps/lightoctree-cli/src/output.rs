@@ -26,6 +26,8 @@ pub const RADIANCE: &[&str] = &["exr", "hdr", "pfm"];
 pub const PHOTO: &[&str] = &["png", "jpg", "exr", "hdr", "pfm"];
 /// Extensions of distances and depth.
 pub const DEPTH: &[&str] = &["exr", "png", "pfm", "npy"];
+/// Extensions of masks.
+pub const MASK: &[&str] = &["png", "jpg"];
 /// Extension of OpenEXR layers.
 pub const LAYERS: &[&str] = &["exr"];
 /// Extension of JSON documents.
@@ -87,11 +89,24 @@ pub fn check_replaceable(path: &Path, command: &str, force: bool) -> anyhow::Res
     .into())
 }
 
-/// Creates the folder `path`, or checks that it is empty or contains a manifest of the same command.
+/// Checks before any work that `path` can be the scene file of a command: no image's name, and replaceable.
 ///
 /// # Errors
-/// [`Usage`] if it contains other files.
-pub fn prepare_folder(path: &Path, manifest: &str, command: &str, force: bool) -> anyhow::Result<()> {
+/// [`Usage`] that names the file.
+pub fn check_scene(path: &Path, command: &str, force: bool) -> anyhow::Result<()> {
+    if Format::from_extension(path).is_some() {
+        let message =
+            format!("{}: the extension is that of an image; a scene file is named NAME.scene", path.display());
+        return Err(Usage(message).into());
+    }
+    check_replaceable(path, command, force)
+}
+
+/// Checks that the folder `path` does not exist, is empty, or contains a manifest of the same command.
+///
+/// # Errors
+/// [`Usage`] if it contains other files, or is none.
+pub fn check_folder(path: &Path, manifest: &str, command: &str, force: bool) -> anyhow::Result<()> {
     match std::fs::read_dir(path) {
         Ok(mut entries) => {
             let empty = entries.next().is_none();
@@ -105,11 +120,18 @@ pub fn prepare_folder(path: &Path, manifest: &str, command: &str, force: bool) -
             }
             check_replaceable(&path.join(manifest), command, force)
         }
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            std::fs::create_dir_all(path).with_context(|| format!("cannot create the folder {}", path.display()))
-        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
         Err(error) => Err(error).with_context(|| format!("cannot use {} as a folder", path.display())),
     }
+}
+
+/// Creates the folder `path`, after [`check_folder`].
+///
+/// # Errors
+/// As for [`check_folder`], or if it cannot be created.
+pub fn prepare_folder(path: &Path, manifest: &str, command: &str, force: bool) -> anyhow::Result<()> {
+    check_folder(path, manifest, command, force)?;
+    std::fs::create_dir_all(path).with_context(|| format!("cannot create the folder {}", path.display()))
 }
 
 fn check_parent(path: &Path) -> anyhow::Result<()> {
@@ -155,6 +177,14 @@ mod tests {
         assert!(message(&[(&json, RADIANCE)]).unwrap_err().ends_with("must be one of .exr, .hdr, .pfm"));
         assert!(message(&[(&other, JSON)]).unwrap_err().ends_with("must be one of .json"));
         assert!(message(&[(&json, JSON), (&map, RADIANCE), (&json, JSON)]).unwrap_err().contains("two outputs"));
+    }
+
+    #[test]
+    fn a_scene_has_no_image_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let check = |name: &str| check_scene(&folder.path().join(name), "estimate", false);
+        assert!(check("room.scene").is_ok() && check("room").is_ok());
+        assert!(check("room.png").unwrap_err().is::<Usage>() && check("room.EXR").unwrap_err().is::<Usage>());
     }
 
     #[test]

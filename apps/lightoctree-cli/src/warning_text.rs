@@ -24,6 +24,9 @@ fn hint(warning: &dyn Warning) -> Option<String> {
         Some(EstimateWarning::InverseDepth { .. }) => return Some(": --depth-is inverse".to_owned()),
         _ => {}
     }
+    if let Some(warning) = warning.downcast_ref() {
+        return insert_hint(warning);
+    }
     match warning.downcast_ref()? {
         PanoramaWarning::PoorMatch { yaw_deg, .. } => Some(format!(
             ": check that it shows this room and was taken at --panorama-at. It is used with a yaw of {yaw_deg:.0}°; \
@@ -36,9 +39,27 @@ fn hint(warning: &dyn Warning) -> Option<String> {
     }
 }
 
+fn insert_hint(warning: &InsertWarning) -> Option<String> {
+    match warning {
+        InsertWarning::ObjectTooHigh { likely: Some(unit), .. }
+        | InsertWarning::ObjectTooWide { likely: Some(unit), .. } => {
+            Some(format!(": {}? Set the unit of its file with --unit {}", unit.name(), unit.symbol()))
+        }
+        InsertWarning::ObjectTooHigh { likely: None, .. }
+        | InsertWarning::ObjectTooWide { likely: None, .. }
+        | InsertWarning::ObjectTooSmall { .. } => Some(": set its size with --height METRES".to_owned()),
+        InsertWarning::ObjectTransparent { .. } => Some("; --material gives it another one".to_owned()),
+        InsertWarning::ObjectFloats { .. } | InsertWarning::ObjectSunk { .. } => {
+            Some("; --pixel places it on a surface of the photo".to_owned())
+        }
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use lightoctree::events::CompletionWarning;
+    use lightoctree::insert::Unit;
 
     use super::*;
 
@@ -64,6 +85,22 @@ mod tests {
             warning_text(&PanoramaWarning::NotCompared, &[]),
             "the panorama's position sees too little of what the photo shows, so its yaw is uncertain: set \
              --panorama-yaw-deg and --panorama-exposure-ev if you know them"
+        );
+    }
+
+    #[test]
+    fn sizes_suggest_the_unit() {
+        let high = |likely| {
+            let warning = InsertWarning::ObjectTooHigh { object: 0, height_m: 30.0, room_m: 2.61, likely };
+            warning_text(&warning, &[])
+        };
+        assert_eq!(
+            high(Some(Unit::Centimetre)),
+            "the object is 30 m high, higher than the room (2.6 m): centimetres? Set the unit of its file with --unit cm"
+        );
+        assert_eq!(
+            high(None),
+            "the object is 30 m high, higher than the room (2.6 m): set its size with --height METRES"
         );
     }
 

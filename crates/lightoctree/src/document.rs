@@ -10,8 +10,8 @@ use lo_insert::{Layout, PathSource};
 use lo_lights::ListedLight;
 use lo_mesh::{LoadOptions, Model};
 use lo_scene::{
-    Estimate, InferredLight, LightEdits, LightMode, LightTuning, LitScene, ObjectDisplay, SceneError, SceneFile,
-    SceneObjects,
+    EmitterEdit, Estimate, InferredLight, LightEdits, LightMode, LightTuning, LitScene, ObjectDisplay, SceneError,
+    SceneFile, SceneObjects,
 };
 
 use crate::builtin::builtin_mesh;
@@ -201,6 +201,14 @@ impl Document {
     /// The emitters' names in this list are valid for every choice of light and tuning.
     pub fn lights(&self) -> Vec<ListedLight> {
         lo_lights::list(&plausible_light(&self.estimate).0, &self.light_edits)
+    }
+
+    /// Returns the edits of lights that the estimate does not have; [`Document::lit`] fails until they are removed.
+    pub fn lost_light_edits(&self) -> Vec<EmitterEdit> {
+        if self.light_edits.emitters.is_empty() {
+            return Vec::new();
+        }
+        lo_lights::lost_edits(&self.light_edits, &lo_lights::emitters(&plausible_light(&self.estimate).0))
     }
 
     /// Loads a mesh of [`Document::meshes`], or a built-in model if the name has

@@ -299,7 +299,7 @@ pub mod mesh {
 pub mod insert {
     pub use lo_insert::{
         Align, Anchor, Base, Composite, Ground, InsertError, Inserter, Instance, Interpolation, Keyframe, Layout,
-        LayoutObject, Lighting, Path, PathSource, Placement, Quality, surface_at_pixel,
+        LayoutObject, Lighting, Path, PathSource, Placement, Quality, Unit, surface_at_pixel,
     };
 }
 
@@ -310,7 +310,7 @@ pub mod insert {
 /// use lightoctree::{Document, LightPurpose};
 ///
 /// let lit = Document::read("room.scene")?.lit(LightPurpose::Export)?;
-/// let options = Options { format: Format::Usda, content: Content::Leaves, level: true, probes: &[] };
+/// let options = Options { format: Format::Usda, content: Content::Leaves, level: true, probes: &[], lights: &[] };
 /// export::write(&lit, &options, "room.usda")?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

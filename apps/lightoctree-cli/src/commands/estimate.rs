@@ -126,7 +126,10 @@ const COMMAND: &str = "estimate";
 
 /// Reads the photos, estimates the scene and writes it.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
+    output::check_scene(&args.out.output, COMMAND, args.out.force)?;
+    if !args.out.force {
+        check_no_edits(&args.out.output)?;
+    }
     let mut stages = Stages::new(global.quiet);
     let (photos, depths) = photos::files(&args.photo, &args.depth)?;
     #[cfg(feature = "depth-models")]
@@ -175,6 +178,40 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let document = Document::new(scene);
     stages.stage("write", || document.write(&args.out.output, &output::signature(COMMAND)))?;
     print_result(args, &document.estimate, &stages)
+}
+
+/// Checks that an existing scene file has no edits or objects, which a new estimate would not contain.
+///
+/// # Errors
+/// [`Usage`] that lists them.
+fn check_no_edits(path: &Path) -> anyhow::Result<()> {
+    // A missing or damaged file has none.
+    let Ok(document) = Document::read(path) else { return Ok(()) };
+    let edits = &document.light_edits;
+    let objects = document.layout.as_ref().map_or(0, |layout| layout.objects().len());
+    let counted = |count: usize, one: &str| match count {
+        0 => None,
+        1 => Some(format!("1 {one}")),
+        count => Some(format!("{count} {one}s")),
+    };
+    let contents: Vec<String> = [
+        counted(edits.emitters.len(), "edited light"),
+        counted(edits.added.len(), "added light"),
+        edits.inferred.is_some().then(|| "a choice of light".to_owned()),
+        counted(objects, "object"),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    if contents.is_empty() {
+        return Ok(());
+    }
+    let contents = contents.join(", ");
+    let message = format!(
+        "{} has {contents}, which a new estimate would not have; choose another name, or overwrite it with --force",
+        path.display()
+    );
+    Err(Usage(message).into())
 }
 
 /// Source of a photo's depth.

@@ -6,6 +6,7 @@ use lightoctree::LightPurpose;
 use lo_export as export;
 use lo_export::{Content, Format, LightProbe, Options};
 use lo_geometry::Vec3;
+use lo_lights::ListedLight;
 use serde_json::json;
 
 use super::environment::{self, PanoramaRenderer};
@@ -86,6 +87,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
     let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
     let scene = args.light.lit(&mut document, LightPurpose::Export, &mut stages)?;
+    let lights = if args.to == Format::Ply { Vec::new() } else { document.lights() };
     let renderer = PanoramaRenderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;
     let mut panoramas = Vec::new();
     for &at in &args.probe_at {
@@ -96,7 +98,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     let probes: Vec<LightProbe> =
         panoramas.iter().map(|(panorama, at)| LightProbe { radiance: &panorama.radiance, position_m: *at }).collect();
-    let options = Options { format: args.to, content: args.content, level: args.level, probes: &probes };
+    let options =
+        Options { format: args.to, content: args.content, level: args.level, probes: &probes, lights: &lights };
     let written = stages.stage("write", || export::write(&scene, &options, &args.out.output))?;
     if args.out.json {
         return report::print_json(&json!({
@@ -105,6 +108,11 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             "points": written.points,
             "faces": written.faces,
             "lamps": written.lamps,
+            "lights": written
+                .lamps_of_light
+                .iter()
+                .map(|(id, lamps)| json!({ "id": id, "lamps": lamps }))
+                .collect::<Vec<_>>(),
             "seconds": stages.timings(),
         }));
     }
@@ -116,6 +124,21 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         written.faces,
         written.lamps
     ));
+    if !lights.is_empty() {
+        report::print(&lights_text(&lights, &written.lamps_of_light));
+    }
     written.files.iter().skip(1).for_each(|path| report::print(&path.display().to_string()));
     Ok(())
+}
+
+/// Formats how each light of `lights` is exported.
+fn lights_text(lights: &[ListedLight], lamps: &[(String, usize)]) -> String {
+    let of_light = |(light, (id, lamps)): (&ListedLight, &(String, usize))| match lamps {
+        0 if light.change.is_some_and(|change| !change.on || change.scale == 0.0) => format!("{id} (off)"),
+        0 => format!("{id} (faces of the mesh)"),
+        1 => format!("{id} (lamp)"),
+        lamps => format!("{id} ({lamps} lamps)"),
+    };
+    let texts: Vec<String> = lights.iter().zip(lamps).map(of_light).collect();
+    format!("lights: {}", texts.join(", "))
 }

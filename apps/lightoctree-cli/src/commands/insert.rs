@@ -485,13 +485,23 @@ fn frame_count(args: &Args, layout: &Layout, saved: Option<ObjectDisplay>) -> an
     }
 }
 
-/// Adds the name of the object to an error, if there are several objects.
+/// Adds the name of the object to an error, if there are several objects, and what to do about it by options.
 fn with_object_name(error: InsertError, names: &[String]) -> anyhow::Error {
     match error {
-        InsertError::Object { source, .. } if names.len() == 1 => (*source).into(),
-        InsertError::Object { object, source } => anyhow::Error::from(*source).context(names[object].clone()),
-        error => error.into(),
+        InsertError::Object { source, .. } if names.len() == 1 => with_hint(*source),
+        InsertError::Object { object, source } => with_hint(*source).context(names[object].clone()),
+        error => with_hint(error),
     }
+}
+
+fn with_hint(error: InsertError) -> anyhow::Error {
+    let InsertError::Steep { below_m, below_pixel, .. } = &error else { return error.into() };
+    let stand = match (below_pixel, below_m) {
+        (Some([u, v]), _) => format!("place it there with --pixel {u},{v}, or "),
+        (None, Some(at)) => format!("place it there with --at {:.2},{:.2},{:.2}, or ", at.x, at.y, at.z),
+        (None, None) => String::new(),
+    };
+    anyhow::anyhow!("{error}; {stand}attach its base to the tilted surface with --align surface")
 }
 
 /// Determines the output files of each frame, and checks that they can be written.

@@ -8,7 +8,9 @@ use lo_estimate::{ShadowError, sun_from_photo, supported_sun};
 use lo_geometry::Vec3;
 use lo_imaging::luminance;
 use lo_lights::{LightKind, LightOrigin, ListedLight, ShadowSupport};
-use lo_scene::{AnalyticLight, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE};
+use lo_scene::{
+    AnalyticLight, EmitterEdit, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE,
+};
 use serde_json::json;
 
 use super::parse;
@@ -249,7 +251,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     };
     let out = file.output.as_ref().unwrap_or(path);
     if let Some(output) = &file.output {
-        output::check_replaceable(output, SCENE_COMMAND, file.force)?;
+        output::check_scene(output, SCENE_COMMAND, file.force)?;
     }
     let mut document = super::read_scene(path)?;
     match &args.edit {
@@ -427,11 +429,15 @@ fn light_with_luminance(shape: LightShape, color: LightColor, luminance: impl Fn
 }
 
 fn print_lights(document: &Document, as_json: bool) -> anyhow::Result<()> {
-    let lights = document.lights();
+    let (lights, lost) = (document.lights(), document.lost_light_edits());
     if as_json {
-        return report::print_json(&json!({ "lights": lights }));
+        let mut value = json!({ "lights": lights });
+        if !lost.is_empty() {
+            value["edits_without_light"] = json!(lost);
+        }
+        return report::print_json(&value);
     }
-    if lights.is_empty() {
+    if lights.is_empty() && lost.is_empty() {
         report::print(&format!(
             "no lights: nothing in this scene is brighter than {} times the mean of its surfaces",
             lo_lights::CAP
@@ -451,9 +457,28 @@ fn print_lights(document: &Document, as_json: bool) -> anyhow::Result<()> {
         "certainty",
         "edited",
     ];
-    let rows: Vec<Vec<String>> = lights.iter().map(row).collect();
+    let rows: Vec<Vec<String>> = lights.iter().map(row).chain(lost.iter().map(lost_row)).collect();
     report::print(&report::table(&head, &rows));
     Ok(())
+}
+
+/// Formats a row of an edit whose light does not exist.
+fn lost_row(edit: &EmitterEdit) -> Vec<String> {
+    let at = edit.found_at_m;
+    let unknown = || "-".to_owned();
+    vec![
+        edit.id.clone(),
+        "missing".to_owned(),
+        unknown(),
+        format!("{:.2},{:.2},{:.2}", at.x, at.y, at.z),
+        unknown(),
+        unknown(),
+        unknown(),
+        unknown(),
+        unknown(),
+        unknown(),
+        format!("{} (no such light: `lights reset SCENE {}`)", edits(edit.change), edit.id),
+    ]
 }
 
 /// Formats a row of the table.

@@ -90,13 +90,14 @@ pub struct Probe {
 
 /// Renders and writes every probe, then writes the manifest.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    output::check_folder(&args.output, MANIFEST, COMMAND, args.force)?;
+    let height = environment::height(args.panorama.size)?;
     let mut stages = Stages::new(global.quiet);
     let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
     let purpose = if args.without_emitters { LightPurpose::IndirectOnly } else { LightPurpose::Panorama };
     let scene = args.light.lit(&mut document, purpose, &mut stages)?;
     let probes = probes(args, &scene)?;
     let frame = OutputFrame::new(&scene, args.panorama.frame)?;
-    let height = environment::height(args.panorama.size)?;
     output::prepare_folder(&args.output, MANIFEST, COMMAND, args.force)?;
     let mut entries = Vec::with_capacity(probes.len());
     let points: Vec<Vec3> = probes.iter().map(|probe| probe.position_m).collect();

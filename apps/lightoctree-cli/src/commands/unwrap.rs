@@ -94,10 +94,12 @@ const DOUBTFUL_STOPS: f64 = 0.3;
 /// Reads and merges the photos, finds the ball, unwraps it and writes the panorama.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let preview = args.file.preview.then(|| environment::preview_path(&args.out.output));
-    let outputs = [Some(&args.out.output), preview.as_ref(), args.mask_out.as_ref()];
-    let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
-    let checked: Vec<(&Path, &[&str])> = outputs.iter().map(|path| (path.as_path(), &[][..])).collect();
+    let outputs =
+        [(Some(&args.out.output), output::RADIANCE), (preview.as_ref(), &[]), (args.mask_out.as_ref(), output::MASK)];
+    let checked: Vec<(&Path, &[&str])> =
+        outputs.into_iter().filter_map(|(path, extensions)| Some((path?.as_path(), extensions))).collect();
     output::check_outputs(&checked, COMMAND, args.out.force)?;
+    let outputs: Vec<&Path> = checked.iter().map(|&(path, _)| path).collect();
     if let Some(size) = args.size {
         environment::height(size)?;
     }

@@ -31,8 +31,7 @@ impl Video {
         let (target, file): (Box<dyn Write>, _) = if is_stdout(output) {
             (Box::new(io::stdout()), None)
         } else {
-            let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            let made = NamedTempFile::new_in(folder).and_then(|file| Ok((file.as_file().try_clone()?, file)));
+            let made = lo_imaging::temporary_beside(output).and_then(|file| Ok((file.as_file().try_clone()?, file)));
             let (handle, file) = made.with_context(|| format!("cannot write {}", output.display()))?;
             (Box::new(handle), Some((file, output.to_owned())))
         };

@@ -190,7 +190,7 @@ fn detail_is_for_the_eye() {
     assert!(plain.0 != detailed.0 && plain.1 == detailed.1);
 
     let insert = |name: &str, more: &[&str]| {
-        let insert = ["insert", "room.scene", "--mesh", "builtin:sphere", "--height", "0.4", "--pixel", "72,80"];
+        let insert = ["insert", "room.scene", "--mesh", "builtin:sphere", "--height", "0.4", "--pixel", "72,95"];
         done(at, &[&insert[..], &["--material", "chrome", "-o", name], more].concat());
         read(name)
     };
@@ -264,7 +264,7 @@ fn insert_changes_the_photo_only_where_the_object_acts() {
     let folder = room_with_scene();
     write_mesh(folder.path());
     let args =
-        ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,80", "--quality", "draft"];
+        ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,95", "--quality", "draft"];
     done(
         folder.path(),
         &[&args[..], &["--material", "gold", "--layers", "layers.exr", "-o", "composite.png"]].concat(),
@@ -279,7 +279,7 @@ fn insert_changes_the_photo_only_where_the_object_acts() {
     for wanted in ["object.R", "object.A", "shadow_ratio.G", "occlusion.A"] {
         assert!(names.contains(&wanted), "{wanted} is missing in {names:?}");
     }
-    let path = r#"{"keyframes":[{"time_s":0,"pixel":[50,80]},{"time_s":1,"pixel":[90,80]}]}"#;
+    let path = r#"{"keyframes":[{"time_s":0,"pixel":[50,95]},{"time_s":1,"pixel":[90,95]}]}"#;
     std::fs::write(folder.path().join("path.json"), path).unwrap();
     let sequence = ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.3", "--quality", "draft"];
     done(folder.path(), &[&sequence[..], &["--path", "path.json", "--frames", "3", "-o", "frame_%02d.png"]].concat());
@@ -306,7 +306,7 @@ fn insert_changes_the_photo_only_where_the_object_acts() {
     let luma =
         |[r, g, b, _]: [u8; 4]| 16.0 + (46.559 * f32::from(r) + 156.629 * f32::from(g) + 15.812 * f32::from(b)) / 255.0;
     assert!(frame.pixels().iter().zip(second).all(|(&pixel, &y)| (luma(pixel) - f32::from(y)).abs() < 0.51));
-    let message = refused(folder.path(), 2, &[&sequence[..], &["--pixel", "72,80", "-o", "clip2.y4m"]].concat());
+    let message = refused(folder.path(), 2, &[&sequence[..], &["--pixel", "72,95", "-o", "clip2.y4m"]].concat());
     assert!(message.contains("--path"), "{message}");
 }
 
@@ -316,8 +316,8 @@ fn several_objects_come_from_the_command_line_or_a_layout() {
     let at = folder.path();
     write_mesh(at);
     let quick = ["--quality", "draft", "--json"];
-    let first = ["--mesh", "object.obj", "--pixel", "50,80", "--height", "0.3", "--material", "gold"];
-    let second = ["--mesh", "object.obj", "--pixel", "90,80", "--height", "0.2", "--yaw-deg", "30"];
+    let first = ["--mesh", "object.obj", "--pixel", "50,95", "--height", "0.3", "--material", "gold"];
+    let second = ["--mesh", "object.obj", "--pixel", "90,95", "--height", "0.2", "--yaw-deg", "30"];
     let insert = |objects: &[&str], file: &str| {
         json(&done(at, &[&["insert", "room.scene"], objects, &quick, &["-o", file]].concat()))
     };
@@ -328,8 +328,8 @@ fn several_objects_come_from_the_command_line_or_a_layout() {
     // Paths in a layout are relative to its folder.
     std::fs::create_dir(at.join("layouts")).unwrap();
     let layout = r#"{"objects": [
-        {"mesh": "../object.obj", "pixel": [50, 80], "height_m": 0.3, "material": "gold"},
-        {"mesh": "../object.obj", "name": "small", "pixel": [90, 80], "height_m": 0.2, "yaw_deg": 30}]}"#;
+        {"mesh": "../object.obj", "pixel": [50, 95], "height_m": 0.3, "material": "gold"},
+        {"mesh": "../object.obj", "name": "small", "pixel": [90, 95], "height_m": 0.2, "yaw_deg": 30}]}"#;
     std::fs::write(at.join("layouts/two.json"), layout).unwrap();
     let file = insert(&["--layout", "layouts/two.json"], "file.png");
     assert_eq!(file["objects"][1]["name"], "small");
@@ -353,7 +353,7 @@ fn several_objects_come_from_the_command_line_or_a_layout() {
     }
     assert!(of_first > 50 && of_second > 20, "{of_first} {of_second}");
     // One object moves and carries the other.
-    let path = r#"{"keyframes": [{"time_s": 0, "pixel": [50, 80]}, {"time_s": 1, "pixel": [90, 80]}]}"#;
+    let path = r#"{"keyframes": [{"time_s": 0, "pixel": [50, 95]}, {"time_s": 1, "pixel": [90, 95]}]}"#;
     std::fs::write(at.join("layouts/path.json"), path).unwrap();
     let moving = r#"[{"mesh": "../object.obj", "name": "car", "path": "path.json", "height_m": 0.3},
         {"mesh": "../object.obj", "on": "car", "height_m": 0.1}]"#;
@@ -368,9 +368,9 @@ fn several_objects_come_from_the_command_line_or_a_layout() {
         (&["--layout", "layouts/none.json"], 1, "none.json"),
         (&["--layout", "photo.png"], 1, "photo.png"),
         (&["--layout", "layouts/two.json", "--mesh", "object.obj"], 2, "--layout"),
-        (&["--mesh", "object.obj", "--pixel", "50,80", "--mesh", "object.obj"], 2, "object.obj has no position"),
-        (&["--mesh", "object.obj", "--pixel", "50,80", "--mesh", "object.obj", "--pixel", "500,80"], 1, "object 2"),
-        (&["--mesh", "object.obj", "--pixel", "50,80", "--orientation", "blender"], 2, "--lighting envmap"),
+        (&["--mesh", "object.obj", "--pixel", "50,95", "--mesh", "object.obj"], 2, "object.obj has no position"),
+        (&["--mesh", "object.obj", "--pixel", "50,95", "--mesh", "object.obj", "--pixel", "500,95"], 1, "object 2"),
+        (&["--mesh", "object.obj", "--pixel", "50,95", "--orientation", "blender"], 2, "--lighting envmap"),
     ] {
         let message = refused(at, code, &[&["insert", "room.scene"], objects, &["-o", "none.png"]].concat());
         assert!(message.contains(words), "{objects:?}: {message}");
@@ -408,7 +408,7 @@ fn a_panorama_in_another_programs_axes_lights_as_in_ours() {
             "--height",
             "0.4",
             "--pixel",
-            "72,80",
+            "72,95",
             "--quality",
             "draft",
         ];
@@ -426,7 +426,7 @@ fn an_image_stopped_by_the_time_limit_is_of_normal_quality() {
     let at = folder.path();
     write_mesh(at);
     let insert = |more: &[&str]| {
-        let args = ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,80"];
+        let args = ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,95"];
         done(at, &[&args[..], more].concat())
     };
     insert(&["-o", "normal.png"]);
@@ -438,7 +438,7 @@ fn an_image_stopped_by_the_time_limit_is_of_normal_quality() {
     let message = refused(
         at,
         2,
-        &["insert", "room.scene", "--mesh", "object.obj", "--pixel", "72,80", "--time-limit", "3", "-o", "a.png"],
+        &["insert", "room.scene", "--mesh", "object.obj", "--pixel", "72,95", "--time-limit", "3", "-o", "a.png"],
     );
     assert!(message.contains("--quality high"), "{message}");
 }
@@ -475,7 +475,7 @@ fn objects_stand_upright_and_panoramas_are_level_where_the_camera_is_tilted() {
     );
     assert_eq!(json(&manifest)["camera"]["frame"], "level");
     for align in ["gravity", "surface", "none"] {
-        let insert = ["insert", "tilted.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,80"];
+        let insert = ["insert", "tilted.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,95"];
         let file = format!("{align}.png");
         done(at, &[&insert[..], &["--quality", "draft", "--align", align, "-o", &file]].concat());
     }
@@ -669,7 +669,7 @@ fn errors_have_a_message_and_the_right_exit_code() {
     assert!(message.contains(".exr"), "{message}");
     let message = refused(at, 2, &[&envmap[..], &["a.exr", "--sh9", "a.json", "--main-light", "a.json"]].concat());
     assert!(message.contains("a.json is the name of two outputs"), "{message}");
-    let insert = ["insert", "room.scene", "--mesh", "builtin:sphere", "--pixel", "72,80", "-o"];
+    let insert = ["insert", "room.scene", "--mesh", "builtin:sphere", "--pixel", "72,95", "-o"];
     let message = refused(at, 2, &[&insert[..], &["a_%04d.png"]].concat());
     assert!(message.contains("one image needs no frame number"), "{message}");
     let message = refused(at, 2, &[&insert[..], &["a.png", "--layers", "layers.png"]].concat());
@@ -695,7 +695,7 @@ fn errors_have_a_message_and_the_right_exit_code() {
             "--mesh",
             "object.obj",
             "--pixel",
-            "70,80",
+            "70,95",
             "--material",
             "unobtainium",
             "-o",
@@ -704,7 +704,7 @@ fn errors_have_a_message_and_the_right_exit_code() {
     );
     assert!(message.contains("gold"), "{message}");
     std::fs::write(at.join("empty.obj"), "v 0 0 0\n").unwrap();
-    let message = refused(at, 1, &["insert", "room.scene", "--mesh", "empty.obj", "--pixel", "70,80", "-o", "a.png"]);
+    let message = refused(at, 1, &["insert", "room.scene", "--mesh", "empty.obj", "--pixel", "70,95", "-o", "a.png"]);
     assert!(message.contains("empty.obj"), "{message}");
     assert!(!at.join("a.scene").exists() && !at.join("a.exr").exists() && !at.join("a.png").exists());
 }

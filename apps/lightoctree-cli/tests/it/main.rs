@@ -9,7 +9,9 @@ mod depth_models;
 #[cfg(all(feature = "depth-models", feature = "weights"))]
 mod given_input;
 mod hostile;
+mod kept_work;
 mod photos;
+mod placing;
 mod unwrap;
 mod view;
 mod view_access;

@@ -78,7 +78,7 @@ fn the_inferred_light_is_that_of_the_command_line() {
     for page in [&mut page, &mut other] {
         page.receive("the scene", |message| message["type"] == "scene");
     }
-    page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70.25, 84.125] }));
+    page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70.25, 94.125] }));
     let (plain, _) =
         page.receive("an object", |message| message["view"]["objects"].as_array().is_some_and(|a| a.len() == 1));
     assert_eq!(plain["view"]["inferred_light"]["effect"], "expected");
@@ -480,7 +480,7 @@ fn sequences_and_scenes_with_objects_are_those_of_the_command_line() {
     let mut page = viewer.page();
     page.receive("the scene", |message| message["type"] == "scene");
     assert_eq!(viewer.get("download/video.y4m").0, 409, "there are no objects in the photo");
-    page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [40, 90] }));
+    page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [40, 95] }));
     let object = std::fs::read(folder.path().join("object.obj")).unwrap();
     assert_eq!(viewer.upload("mesh", "object.obj", &object), (204, String::new()));
     page.receive("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
@@ -488,7 +488,7 @@ fn sequences_and_scenes_with_objects_are_those_of_the_command_line() {
     page.act(&json!({ "do": "size", "object": 2, "size": { "height": 0.3 } }));
     page.act(&json!({ "do": "set-key", "object": 1, "time_s": 0 }));
     page.send(&json!({ "type": "seek", "time_s": 1.5, "sequence": 1 }));
-    page.act(&json!({ "do": "place", "object": 1, "place": { "pixel": [90, 88] } }));
+    page.act(&json!({ "do": "place", "object": 1, "place": { "pixel": [90, 95] } }));
     page.act(&json!({ "do": "turn", "object": 1, "yaw_deg": 95.5 }));
     page.act(&json!({ "do": "interpolate", "object": 1, "interpolation": "catmull-rom" }));
     page.act(&json!({ "do": "floor-gloss", "gloss": 0.5 }));

@@ -54,7 +54,7 @@ mod y4m_write;
 
 pub use crate::exif::{FocalLength, PhotoExposure};
 pub use crate::image::{DepthMap, Image, RadianceImage};
-pub use atomic::write_atomically;
+pub use atomic::{temporary_beside, write_atomically};
 pub use bars::BlackBars;
 pub use color::{linear_from_srgb, linear_from_srgb8, luminance, srgb_from_linear, srgb8_from_linear};
 pub use color_profile::ColorProfile;

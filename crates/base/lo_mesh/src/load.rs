@@ -5,7 +5,8 @@ use lo_imaging::read_regular_file;
 
 use crate::model::Resolver;
 use crate::{
-    GlbScene, GlbTooLarge, LoadOptions, Material, MeshError, Model, gltf, normals, obj, ply, repair, stl, tangents,
+    GlbScene, GlbTooLarge, LoadOptions, Material, MeshError, MeshWarning, Model, gltf, normals, obj, ply, repair, stl,
+    tangents,
 };
 
 /// Longest mesh file, and file that a mesh refers to, bytes.
@@ -25,7 +26,7 @@ impl Model {
         let bytes = read_regular_file(path, MAX_FILE_BYTES)
             .map_err(|source| MeshError::Io { path: path.to_owned(), source })?;
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-        let resolve = |name: &str| read_regular_file(folder.join(local_path(name)), MAX_FILE_BYTES);
+        let resolve = |name: &str| read_file(&folder.join(local_path(name)));
         Self::from_bytes(path, &bytes, &resolve, options)
     }
 
@@ -143,8 +144,42 @@ impl Model {
         }
         repair::repair(&mut self)?;
         tangents::complete(&mut self);
+        self.warn_of_transparent_materials();
         Ok(self)
     }
+
+    /// Names the fully transparent materials of a mesh that is visible otherwise.
+    fn warn_of_transparent_materials(&mut self) {
+        let mut is_used = vec![false; self.materials.len()];
+        self.triangle_materials.iter().for_each(|&index| is_used[index as usize] = true);
+        let used = self.materials.iter().zip(is_used).filter(|&(_, is_used)| is_used).map(|(material, _)| material);
+        let (transparent, visible): (Vec<_>, Vec<_>) = used.partition(|material| material.is_transparent());
+        if !transparent.is_empty() && !visible.is_empty() {
+            let materials = transparent.into_iter().map(|material| material.name.clone()).collect();
+            self.warnings.push(MeshWarning::TransparentMaterials { materials });
+        }
+    }
+}
+
+/// Reads a file that a mesh refers to.
+///
+/// A name in another case is found, too: systems that ignore case let programs write it so.
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    let other_case = (!path.exists()).then(|| in_other_case(path)).flatten();
+    read_regular_file(other_case.as_deref().unwrap_or(path), MAX_FILE_BYTES)
+}
+
+/// Returns the file of the same folder whose name differs in case only; of several, the first by name.
+fn in_other_case(path: &Path) -> Option<PathBuf> {
+    let name = path.file_name()?.to_str()?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
+    let is_alike = |path: &PathBuf| {
+        path.file_name()
+            .and_then(|other| other.to_str())
+            .is_some_and(|other| other.to_lowercase() == name.to_lowercase())
+    };
+    entries.filter(is_alike).min()
 }
 
 /// Converts the name of a neighbouring file to a path, with Windows separators replaced.

@@ -66,6 +66,18 @@ impl Default for Material {
     }
 }
 
+impl Material {
+    /// Whether its alpha factor makes it invisible.
+    pub(crate) fn is_transparent(&self) -> bool {
+        let alpha = self.base_color[3];
+        match self.alpha_mode {
+            AlphaMode::Opaque => false,
+            AlphaMode::Mask { cutoff } => alpha < cutoff,
+            AlphaMode::Blend => alpha <= 0.0,
+        }
+    }
+}
+
 /// Alpha mode of a material, as in glTF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AlphaMode {

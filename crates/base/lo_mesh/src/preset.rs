@@ -240,12 +240,14 @@ fn unit_interval(field: &str, value: f32) -> Result<f32, MeshError> {
 }
 
 impl Model {
-    /// Replaces all materials of the model by one. Texture files are relative to `base_dir`.
+    /// Replaces all materials of the model by one, and drops the warnings about them. Texture files are relative to
+    /// `base_dir`.
     ///
     /// # Errors
     /// As for [`MaterialSpec::parse`]; [`MeshError::Texture`] if an image cannot be used.
     pub fn override_material(&mut self, spec: &MaterialSpec, base_dir: &Path) -> Result<(), MeshError> {
         let mut material = spec.factors()?;
+        self.warnings.retain(|warning| !warning.is_about_materials());
         let mut textures = Vec::new();
         let slots = [
             (&spec.base_color_texture, true, &mut material.base_color_texture),

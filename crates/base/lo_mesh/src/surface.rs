@@ -16,6 +16,8 @@ pub struct SurfacePoint {
     pub base_color: [f32; 3],
     /// Coverage in [0, 1], by the material's alpha mode.
     pub alpha: f32,
+    /// Share of the light not reflected at the surface that passes straight through.
+    pub transmission: f32,
     /// Metalness, from 0 to 1.
     pub metallic: f32,
     /// Perceptual roughness, from 0 to 1.
@@ -59,6 +61,7 @@ impl Model {
             shading_normal: towards_viewer(normal, geometric_normal, -direction),
             base_color: [color[0], color[1], color[2]],
             alpha: coverage(material.alpha_mode, color[3]),
+            transmission: material.transmission,
             metallic: (material.metallic * blue).clamp(0.0, 1.0),
             roughness: (material.roughness * green).clamp(0.0, 1.0),
             occlusion: 1.0 + material.occlusion_strength * (red - 1.0),

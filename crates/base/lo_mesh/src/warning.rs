@@ -30,6 +30,24 @@ pub enum MeshWarning {
         /// Error of the operating system.
         reason: String,
     },
+    /// Transparent materials are shown without refraction.
+    #[error("glass is shown without refraction, its tint as grey: {}", .materials.join(", "))]
+    Transmission {
+        /// Names of the materials.
+        materials: Vec<String>,
+    },
+    /// Extensions of materials are not applied.
+    #[error("material extensions not applied: {}", .names.join(", "))]
+    MaterialExtensions {
+        /// Names of the extensions.
+        names: Vec<String>,
+    },
+    /// Some of the mesh's materials are fully transparent.
+    #[error("fully transparent, so not visible: {}", .materials.join(", "))]
+    TransparentMaterials {
+        /// Names of the materials.
+        materials: Vec<String>,
+    },
     /// Materials that are not defined in any file are white.
     #[error("materials not defined in any MTL file are white: {}", .names.join(", "))]
     UnknownMaterials {
@@ -87,6 +105,27 @@ pub enum MeshWarning {
 }
 
 impl MeshWarning {
+    /// Whether it is about a mesh's own materials, and no longer applies with another one.
+    pub(crate) fn is_about_materials(&self) -> bool {
+        match self {
+            Self::Texture { .. }
+            | Self::BumpMap { .. }
+            | Self::NormalTextures { .. }
+            | Self::Transmission { .. }
+            | Self::MaterialExtensions { .. }
+            | Self::TransparentMaterials { .. }
+            | Self::MaterialFile { .. }
+            | Self::UnknownMaterials { .. }
+            | Self::TextureInComment { .. } => true,
+            Self::FaceTextureCoordinates
+            | Self::UnusableCoordinate { .. }
+            | Self::NoArea { .. }
+            | Self::PointsOrLines { .. }
+            | Self::MorphTargets
+            | Self::BindPose { .. } => false,
+        }
+    }
+
     /// Creates the warning of an ignored texture; removes its name from the reason.
     pub(crate) fn texture(name: &str, reason: &str) -> Self {
         let reason = reason.strip_prefix(&format!("texture {name}: ")).unwrap_or(reason);

@@ -235,7 +235,7 @@ fn camera_json(camera: &Camera) -> Value {
 /// Encodes a lamp's position, and its rotation if it shines along its node's −Z.
 fn lamp_node(index: usize, lamp: &Lamp) -> Value {
     let mut node = json!({
-        "name": format!("Lamp {}", index + 1),
+        "name": format!("Lamp {}", lamp.label(index)),
         "extensions": { "KHR_lights_punctual": { "light": index } },
     });
     let matrix = |across: Vec3, direction: Vec3, at: Vec3| {
@@ -268,7 +268,7 @@ fn lamp_json(index: usize, lamp: &Lamp) -> Value {
         LightShape::Sun { angular_radius_deg, .. } => ("directional", json!({ "angle_deg": 2.0 * angular_radius_deg })),
     };
     let mut light = json!({
-        "name": format!("Lamp {}", index + 1),
+        "name": format!("Lamp {}", lamp.label(index)),
         "type": kind,
         "color": intensity.map(|c| c / strongest),
         "intensity": CANDELA * strongest,

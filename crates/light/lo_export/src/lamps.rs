@@ -53,9 +53,16 @@ pub(crate) struct Lamp {
     pub light: AnalyticLight,
     /// Indices of its leaves; empty for an added light.
     pub leaves: Vec<usize>,
+    /// Its name in the list of lights, if it is known.
+    pub id: Option<String>,
 }
 
 impl Lamp {
+    /// Returns its name: that of the list of lights, else its number.
+    pub fn label(&self, index: usize) -> String {
+        self.id.clone().unwrap_or_else(|| (index + 1).to_string())
+    }
+
     /// Returns the power of the Lambertian emitter, `π · L · A` per channel, in radiance units · m² · sr.
     pub fn power(&self) -> [f32; 3] {
         self.light.radiance.map(|c| c * self.light.extent() * std::f32::consts::PI)
@@ -92,7 +99,7 @@ pub(crate) fn added_lamps(lights: &[AnalyticLight]) -> Vec<Lamp> {
         }
         _ => vec![*light],
     });
-    sides.map(|light| Lamp { light, leaves: Vec::new() }).collect()
+    sides.map(|light| Lamp { light, leaves: Vec::new(), id: None }).collect()
 }
 
 /// Returns the part of the radiance that the faces of each leaf emit beside these lamps.
@@ -160,7 +167,7 @@ fn lamp_from_cluster(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Lamp> {
         ClusterShape::Ball { radius_m } => LightShape::Sphere { centre_m, radius_m },
         ClusterShape::Concave => return None,
     };
-    let mut lamp = Lamp { light: AnalyticLight { shape, radiance: [0.0; 3] }, leaves: Vec::new() };
+    let mut lamp = Lamp { light: AnalyticLight { shape, radiance: [0.0; 3] }, leaves: Vec::new(), id: None };
     let kept = lamp.face_emission();
     let given =
         |leaf: &Leaf| (Vec3::from(leaf.radiance()) - Vec3::from(kept.of(leaf.radiance()))) * leaf.surface_area_m2();

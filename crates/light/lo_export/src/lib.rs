@@ -23,6 +23,7 @@ mod glb;
 mod header;
 mod lamps;
 mod lit_side;
+mod names;
 mod photo_mesh;
 mod ply;
 mod points;
@@ -39,6 +40,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use lo_imaging::{ExrOptions, Photo, RadianceImage};
+use lo_lights::ListedLight;
 use lo_scene::LitScene;
 
 pub use content::Content;
@@ -63,6 +65,9 @@ pub struct Options<'a> {
     pub level: bool,
     /// Light probes; written as `<name>_probe.exr`, `<name>_probe2.exr`, … beside the scene.
     pub probes: &'a [LightProbe<'a>],
+    /// The scene's lights, which lamps are named after. Other emitters remain in the mesh. Empty if unknown: lamps are
+    /// numbered.
+    pub lights: &'a [ListedLight],
 }
 
 /// Summary of an export.
@@ -78,6 +83,8 @@ pub struct Report {
     pub faces: usize,
     /// Number of lamps from the brightest leaves and of added ones (0 for PLY).
     pub lamps: usize,
+    /// For each of [`Options::lights`], the number of its lamps. Lights without lamps emit by their faces in the mesh.
+    pub lamps_of_light: Vec<(String, usize)>,
 }
 
 /// Writes `scene` to `path`, and its further files beside it.
@@ -117,15 +124,27 @@ pub fn write(scene: &LitScene, options: &Options, path: impl AsRef<Path>) -> Res
     if format == Format::Glb {
         lamps.retain(glb::has_lamp);
     }
+    if !options.lights.is_empty() {
+        names::name_emitters(&mut lamps, options.lights);
+    }
     let kept = lamps::face_emission(&leaves, &lamps);
     // Added lights have no leaves; their lamps have all of their light.
     if let Some(edited) = scene.edited.as_ref().filter(|_| format != Format::Ply) {
-        lamps.extend(lamps::added_lamps(&edited.lights));
+        let mut added = lamps::added_lamps(&edited.lights);
+        names::name_added(&mut added, options.lights);
+        lamps.extend(added);
     }
+    let lamps_of_light = names::number(&mut lamps, options.lights);
     let room = (content == Content::Leaves && format != Format::Ply)
         .then(|| room_mesh::from_leaves(&leaves, &kept, &scene.light.cube, scene.light.octree.depth()));
-    let mut report =
-        Report { files: vec![path.to_owned()], bytes: 0, points: points.len(), faces: 0, lamps: lamps.len() };
+    let mut report = Report {
+        files: vec![path.to_owned()],
+        bytes: 0,
+        points: points.len(),
+        faces: 0,
+        lamps: lamps.len(),
+        lamps_of_light,
+    };
     if let Some(room) = &room {
         report.points = room.positions_m.len();
         report.faces = room.quads.len();
@@ -248,7 +267,7 @@ mod tests {
                 for probes in [0, 2] {
                     let probes = &[LightProbe { radiance: &panorama, position_m: Vec3::ONE }; 2][..probes];
                     let path = folder.path().join(format!("room.{format}"));
-                    let options = Options { format, content, level: false, probes };
+                    let options = Options { format, content, level: false, probes, lights: &[] };
                     let report = write(&scene, &options, &path).unwrap();
                     let bytes = fs::read(&path).unwrap();
                     assert_eq!(report.bytes, bytes.len() as u64);
@@ -274,7 +293,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let text = |scene: &LitScene, format: Format| {
             let path = folder.path().join(format!("room.{format}"));
-            let options = Options { format, content: Content::Leaves, level: false, probes: &[] };
+            let options = Options { format, content: Content::Leaves, level: false, probes: &[], lights: &[] };
             let report = write(scene, &options, &path).unwrap();
             (report.lamps, fs::read(&path).unwrap())
         };
@@ -339,7 +358,7 @@ mod tests {
     fn what_cannot_be_written_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("room.ply");
-        let options = Options { format: Format::Ply, content: Content::Leaves, level: false, probes: &[] };
+        let options = Options { format: Format::Ply, content: Content::Leaves, level: false, probes: &[], lights: &[] };
         let mut scene = box_room();
         let finest = scene.light.rgba.len() - 1;
         scene.light.rgba[finest][7][1] = f32::NAN;

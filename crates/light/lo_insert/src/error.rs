@@ -1,3 +1,5 @@
+use lo_geometry::Vec3;
+
 /// Reasons why an object cannot be inserted.
 #[derive(Debug, thiserror::Error)]
 pub enum InsertError {
@@ -20,6 +22,25 @@ pub enum InsertError {
         u: f64,
         /// Vertical position in pixels.
         v: f64,
+    },
+    /// The surface at the pixel is too steep to stand on.
+    #[error(
+        "pixel ({u}, {v}) shows a surface tilted by {tilt_deg:.0}°, on which nothing stands{}",
+        below_text(*.below_m, *.below_pixel)
+    )]
+    Steep {
+        /// Horizontal position in pixels.
+        u: f64,
+        /// Vertical position in pixels.
+        v: f64,
+        /// Angle between the surface's normal and the vertical, in degrees.
+        tilt_deg: f32,
+        /// World position of the surface at the pixel, in metres.
+        position_m: Vec3,
+        /// World position in metres of a supporting surface below, if there is one.
+        below_m: Option<Vec3>,
+        /// The pixel that shows it, if any.
+        below_pixel: Option<[f64; 2]>,
     },
     /// A number of the placement is NaN, infinite or out of range.
     #[error("placement: {name} must be {needed}, got {found}")]
@@ -66,6 +87,16 @@ pub enum InsertError {
     /// The layout cannot be parsed or is invalid.
     #[error("layout: {0}")]
     Layout(String),
+}
+
+/// Formats where a supporting surface is.
+fn below_text(below_m: Option<Vec3>, pixel: Option<[f64; 2]>) -> String {
+    let Some(at) = below_m else { return String::new() };
+    let position = format!("({:.2}, {:.2}, {:.2}) m", at.x, at.y, at.z);
+    match pixel {
+        Some([u, v]) => format!("; the surface below it is at pixel ({u}, {v}), {position}"),
+        None => format!("; the floor below it is outside the photo, at {position}"),
+    }
 }
 
 impl InsertError {

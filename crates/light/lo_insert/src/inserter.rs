@@ -2,7 +2,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::f32::consts::PI;
 
 use lo_events::{Cancelled, OnEvent, progress, stage, stage_of_steps, warn};
-use lo_geometry::{Ray, Vec3};
+use lo_geometry::Vec3;
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_scene::{Frame, LitScene};
 use rayon::prelude::*;
@@ -13,7 +13,9 @@ use crate::light::gather::{Gatherer, object_lights};
 use crate::matte::alpha::Matte;
 use crate::objects::object::Object;
 use crate::objects::patches::{self, patches};
+use crate::objects::size::RoomSize;
 use crate::objects::tracing::Objects;
+use crate::placement_check::{ObjectVisibility, PlacementCheck};
 use crate::quality::Counts;
 use crate::shade::composite::{Composite, Layers};
 use crate::shade::gloss::Gloss;
@@ -26,25 +28,10 @@ use crate::shadow::silhouette::Silhouettes;
 use crate::surface::observed_surfaces::{SurfaceMap, without_photo};
 use crate::surface::occluders::Occluders;
 use crate::surface::receivers::PATTERNS;
-use crate::{Base, InsertError, InsertWarning, Instance, Lighting, Quality, stages};
-
-/// Smallest supported share of an object's base without a warning.
-const MIN_SUPPORT: f32 = 0.5;
-
-/// Largest height of a supported point above or below the surface of a carrier, metres.
-const CARRIES_M: f32 = 0.01;
+use crate::{InsertError, Instance, Lighting, Quality, stages};
 
 /// Smallest longer side of a large photo, pixels.
 const LARGE_SIDE: usize = 1440;
-
-/// Visibility of an object in the photo.
-#[derive(Clone, Copy, Debug, Default)]
-struct ObjectVisibility {
-    /// Whether any part is visible.
-    shows: bool,
-    /// Whether any part is hidden.
-    hides: bool,
-}
 
 /// Inserts objects into the photo of one scene.
 ///
@@ -61,6 +48,10 @@ pub struct Inserter {
     counts: Counts,
     /// Cube of the octree, for warnings.
     cube: lo_geometry::Cube,
+    /// Extent of the room, for warnings.
+    room: RoomSize,
+    /// Unit vector against gravity.
+    up: Vec3,
     /// Gloss of the supporting surface; 0 for no reflection.
     floor_gloss: f32,
 }
@@ -105,6 +96,8 @@ impl Inserter {
             directions: lo_geometry::fibonacci_sphere(counts.diffuse_cones),
             counts,
             cube: scene.light.cube,
+            room: RoomSize::new(scene),
+            up,
             floor_gloss: 0.0,
         })
     }
@@ -193,7 +186,14 @@ impl Inserter {
 
         let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
         let seen = self.shade_objects(gatherer(Some(&shadow), Some(&radiosity)), &mut layers, on_event)?;
-        self.warnings(instances, &objects, &seen).try_for_each(|warning| warn(on_event, warning))?;
+        let check = PlacementCheck {
+            occluders: &self.occluders,
+            camera: &self.frame.camera,
+            cube: &self.cube,
+            room: &self.room,
+            up: self.up,
+        };
+        check.warnings(instances, &objects, &seen).try_for_each(|warning| warn(on_event, warning))?;
         let gloss = (self.floor_gloss > 0.0).then(|| Gloss {
             objects: &objects,
             environment: &self.environment,
@@ -294,59 +294,6 @@ impl Inserter {
     fn shade_stride(&self) -> usize {
         let large = self.frame.photo.width().max(self.frame.photo.height()) >= LARGE_SIDE;
         self.counts.shade_stride[usize::from(large)]
-    }
-
-    fn warnings(
-        &self,
-        instances: &[Instance],
-        objects: &Objects,
-        seen: &[ObjectVisibility],
-    ) -> impl Iterator<Item = InsertWarning> + use<> {
-        let of_object = |object: usize| {
-            let ObjectVisibility { shows, hides } = seen[object];
-            let nothing = if hides {
-                InsertWarning::ObjectHidden { object }
-            } else {
-                InsertWarning::ObjectOutsidePicture { object }
-            };
-            let nothing = (!shows).then_some(nothing);
-            let is_outside = !self.cube.contains(objects[object].centre_m);
-            let outside = is_outside.then_some(InsertWarning::ObjectOutsideOctree { object });
-            let overhang = self
-                .supported_share(object, &instances[object], objects)
-                .filter(|supported| *supported < MIN_SUPPORT)
-                .map(|supported| InsertWarning::ObjectOverhangs { object, supported });
-            nothing.into_iter().chain(outside).chain(overhang)
-        };
-        let warnings: Vec<InsertWarning> = (0..objects.len()).flat_map(of_object).collect();
-        let pairs: Vec<InsertWarning> =
-            objects.intersecting().map(|objects| InsertWarning::ObjectsIntersect { objects }).collect();
-        warnings.into_iter().chain(pairs)
-    }
-
-    /// Returns the share of a resting object's base that real surfaces or other objects support; `None` unless half
-    /// of the base can be judged.
-    fn supported_share(&self, index: usize, instance: &Instance, objects: &Objects) -> Option<f32> {
-        let &Instance { model, placement } = instance;
-        placement.support?;
-        let on_other = |point: Vec3| {
-            let down = Ray { origin: point + placement.up * CARRIES_M, direction: -placement.up };
-            let mut others = objects.iter().enumerate().filter(|&(i, _)| i != index);
-            others.any(|(_, other)| other.blocks(&down, 2.0 * CARRIES_M))
-        };
-        let known: Vec<Option<bool>> = Base::new(model)
-            .sample_points(placement.scale, placement.rotation())
-            .map(|point| placement.position_m + point)
-            .map(|point| {
-                if on_other(point) {
-                    return Some(true);
-                }
-                self.occluders.carries(&self.frame.camera, point, placement.up)
-            })
-            .collect();
-        let count = |state: bool| known.iter().filter(|known| **known == Some(state)).count();
-        let (carried, free) = (count(true), count(false));
-        (2 * (carried + free) >= known.len() && carried + free > 0).then(|| carried as f32 / (carried + free) as f32)
     }
 
     fn compose(&self, layers: Layers, shadow: &ShadowRatio, reflection: Option<Image<Vec3>>) -> Composite {

@@ -3,8 +3,8 @@
 use lo_geometry::Vec3;
 use lo_octree::{Ancestor, LeafRows, LightOctree};
 use lo_scene::{
-    AnalyticLight, EditedLight, LightChange, LightEdits, LightShape, LitScene, MAX_LIGHT_RADIANCE, MAX_LIGHT_SIZE_M,
-    MIN_LIGHT_SIZE_M, OctreeChange,
+    AnalyticLight, EditedLight, EmitterEdit, LightChange, LightEdits, LightShape, LitScene, MAX_LIGHT_RADIANCE,
+    MAX_LIGHT_SIZE_M, MIN_LIGHT_SIZE_M, OctreeChange,
 };
 
 use crate::colour::gain_to_color;
@@ -52,20 +52,7 @@ pub fn apply_edits(scene: &mut LitScene, edits: &LightEdits, found: &[Emitter]) 
     }
     let mut edited = Vec::new();
     for edit in &edits.emitters {
-        let away_m = |emitter: &Emitter| (emitter.surface.centre_m - edit.found_at_m).length();
-        let is_there = |emitter: &&Emitter| away_m(emitter) <= SAME_M + 0.5 * emitter.surface.area_m2.sqrt();
-        // Names are ranks by flux, so prefer the emitter of that name at the edited position, else the nearest there.
-        let named = found.iter().find(|emitter| emitter.id == edit.id);
-        let near = || found.iter().filter(is_there).min_by(|a, b| away_m(a).total_cmp(&away_m(b)));
-        let Some(emitter) = named.filter(is_there).or_else(near) else {
-            return Err(match named {
-                Some(emitter) => LightsError::Elsewhere { id: edit.id.clone(), distance_m: away_m(emitter) },
-                None => LightsError::Unknown {
-                    id: edit.id.clone(),
-                    known: found.iter().map(|emitter| emitter.id.clone()).collect(),
-                },
-            });
-        };
+        let emitter = edited_emitter(edit, found)?;
         edited.push((emitter, edit.change));
     }
     let moved = edited.iter().filter_map(|(emitter, change)| moved(&scene.light, emitter, change));
@@ -76,6 +63,32 @@ pub fn apply_edits(scene: &mut LitScene, edits: &LightEdits, found: &[Emitter]) 
     let sun_occluders = sun.then(|| sun_occluders(&scene.light, found)).flatten();
     scene.edited = Some(Box::new(EditedLight { octree, lights, sun_occluders }));
     Ok(())
+}
+
+/// Returns the emitter that an edit changes.
+///
+/// Names are ranks by flux. The emitter of the edit's name counts if it is at the edited position, else the nearest one
+/// there.
+///
+/// # Errors
+/// If there is no emitter at the edited position.
+pub(crate) fn edited_emitter<'a>(edit: &EmitterEdit, found: &'a [Emitter]) -> Result<&'a Emitter, LightsError> {
+    let away_m = |emitter: &Emitter| (emitter.surface.centre_m - edit.found_at_m).length();
+    let is_there = |emitter: &&Emitter| away_m(emitter) <= SAME_M + 0.5 * emitter.surface.area_m2.sqrt();
+    let named = found.iter().find(|emitter| emitter.id == edit.id);
+    let near = || found.iter().filter(is_there).min_by(|a, b| away_m(a).total_cmp(&away_m(b)));
+    named.filter(is_there).or_else(near).ok_or_else(|| match named {
+        Some(emitter) => LightsError::Elsewhere { id: edit.id.clone(), distance_m: away_m(emitter) },
+        None => LightsError::Unknown {
+            id: edit.id.clone(),
+            known: found.iter().map(|emitter| emitter.id.clone()).collect(),
+        },
+    })
+}
+
+/// Returns the edits of lights that do not exist: [`apply_edits`] fails because of them.
+pub fn lost_edits(edits: &LightEdits, found: &[Emitter]) -> Vec<EmitterEdit> {
+    edits.emitters.iter().filter(|edit| edited_emitter(edit, found).is_err()).cloned().collect()
 }
 
 /// Turns off all emitters of a scene, so that only reflected light remains. `found` is as in [`apply_edits`]; the

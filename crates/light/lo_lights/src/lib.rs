@@ -28,7 +28,7 @@ mod sunlit;
 pub use analytic::{AnalyticLights, rectangle};
 pub use cap::{CAP, cap_luminance, cap_of, excess, luminance};
 pub use colour::{color_temperature_k, rgb_from_color};
-pub use edit::{LightsError, apply_edits, remove_emitters};
+pub use edit::{LightsError, apply_edits, lost_edits, remove_emitters};
 pub use emitters::{Emitter, emitters};
 pub use image_change::ImageChange;
 pub use kind::{LightKind, LightOrigin};

@@ -1,9 +1,12 @@
+use std::collections::HashMap;
+
 use lo_geometry::Vec3;
 use lo_scene::{AddedLight, EmitterEdit, LightChange, LightEdits, LightShape, LitScene};
 use serde::Serialize;
 
 use crate::cap::luminance;
 use crate::colour::color_temperature_k;
+use crate::edit::edited_emitter;
 use crate::emitters::{Emitter, emitters};
 use crate::kind::{LightKind, LightOrigin};
 use crate::shape::ClusterShape;
@@ -59,12 +62,10 @@ pub struct ListedLight {
 
 /// Lists the lights of a scene whose edits are not applied, including added lights.
 pub fn list(scene: &LitScene, edits: &LightEdits) -> Vec<ListedLight> {
-    let change = |id: &str| {
-        let edit = edits.emitters.iter().find(|edit| edit.id == id);
-        edit.map(|EmitterEdit { change, .. }| *change)
-    };
     let found = emitters(scene);
-    let found = found.iter().map(|emitter| of_emitter(emitter, change(&emitter.id)));
+    let edited = |edit: &EmitterEdit| Some((edited_emitter(edit, &found).ok()?.id.as_str(), edit.change));
+    let changes: HashMap<&str, LightChange> = edits.emitters.iter().filter_map(edited).collect();
+    let found = found.iter().map(|emitter| of_emitter(emitter, changes.get(emitter.id.as_str()).copied()));
     found.chain(edits.added.iter().map(ListedLight::of_added)).collect()
 }
 

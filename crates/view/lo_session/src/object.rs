@@ -82,7 +82,15 @@ impl Object {
         }
         self.position = self.position.rounded();
         self.yaw_deg = f64::from(self.yaw_deg as f32);
-        self.placement = self.placement_in(ground.into(), time_s)?;
+        let ground = ground.into();
+        self.placement = match self.placement_in(ground, time_s) {
+            // At a wall's pixel it hangs in the air, as at any other position.
+            Err(InsertError::Steep { position_m, .. }) if self.path.is_none() => {
+                self.position = ObjectPosition::Position(position_m.to_array().map(f64::from)).rounded();
+                self.placement_in(ground, time_s)?
+            }
+            placement => placement?,
+        };
         self.placement.check()?;
         if let Some(path) = &self.path {
             (self.position, self.yaw_deg) = match key_at(path, time_s) {
@@ -128,6 +136,7 @@ impl Object {
             path,
             on: None,
             scale,
+            unit: None,
             height_m,
             align: (self.align != Align::default()).then_some(self.align),
             material: self.material.as_ref().map(ObjectMaterial::spec),

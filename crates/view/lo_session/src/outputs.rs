@@ -7,6 +7,7 @@ use lo_geometry::Vec3;
 use lo_imaging as imaging;
 use lo_imaging::ExrOptions;
 use lo_insert::Composite;
+use lo_lights::ListedLight;
 
 use crate::lit::LitSceneCache;
 use crate::{OpenScene, SessionError, State};
@@ -66,11 +67,19 @@ pub fn export(
     let probes: Vec<LightProbe> =
         panorama.iter().map(|(at, seen)| LightProbe { radiance: &seen.radiance, position_m: *at }).collect();
     let folder = tempfile::tempdir()?;
-    let options = export::Options { format, content: Content::Leaves, level: false, probes: &probes };
+    let lights = listed(scenes.scene(), state);
+    let options = export::Options { format, content: Content::Leaves, level: false, probes: &probes, lights: &lights };
     let written = export::write(&lit, &options, folder.path().join(format!("room.{format}")))?;
     let file = |path: &std::path::PathBuf| {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         Ok((name, std::fs::read(path)?))
     };
     written.files.iter().map(file).collect()
+}
+
+/// Returns the lights of `lightoctree lights`.
+fn listed(scene: &OpenScene, state: &State) -> Vec<ListedLight> {
+    let change = |id: &str| state.lights.emitters.iter().find(|edit| edit.id == id).map(|edit| edit.change);
+    let found = scene.lights().iter().map(|light| ListedLight { change: change(&light.id), ..light.clone() });
+    found.chain(state.lights.added.iter().map(ListedLight::of_added)).collect()
 }

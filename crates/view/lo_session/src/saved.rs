@@ -72,10 +72,7 @@ fn placed(
         (None, Some(position_m)) => ObjectPosition::Position(position_m),
         (None, None) => return Err(unsupported("no position")),
     };
-    let size = match (from.scale, from.height_m) {
-        (_, Some(height_m)) => ObjectSize::Height(height_m),
-        (scale, None) => ObjectSize::Scale(scale.unwrap_or(1.0)),
-    };
+    let size = from.height_m.map_or(ObjectSize::Scale(from.metres_per_unit()), ObjectSize::Height);
     let material = from.material.as_ref();
     let material = material
         .map(|spec| ObjectMaterial::from_spec(spec).ok_or_else(|| unsupported("a \"material\"")))

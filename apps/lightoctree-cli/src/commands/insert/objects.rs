@@ -7,7 +7,7 @@ use anyhow::Context;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
 use lo_geometry::Vec3;
 use lo_imaging as imaging;
-use lo_insert::{Align, Layout, LayoutObject, PathSource};
+use lo_insert::{Align, Layout, LayoutObject, PathSource, Unit};
 use lo_mesh::MaterialSpec;
 
 use crate::choice::{Choice, choice};
@@ -20,8 +20,8 @@ struct Flags {
     /// Object: glTF, GLB, OBJ, PLY, STL, builtin:sphere, builtin:suzanne or builtin:tea-set; may be repeated [default:
     /// the objects that the viewer saved in the scene]
     ///
-    /// For several objects, each --mesh is followed by its own --at, --pixel or --path, --scale or --height, --yaw-deg,
-    /// --align and --material.
+    /// For several objects, each --mesh is followed by its own --at, --pixel or --path, --scale, --unit or --height,
+    /// --yaw-deg, --align and --material.
     #[arg(long, value_name = "FILE")]
     mesh: Vec<PathBuf>,
 
@@ -30,7 +30,7 @@ struct Flags {
     #[arg(
         long,
         value_name = "FILE.json",
-        conflicts_with_all = ["mesh", "at", "pixel", "path", "scale", "height", "yaw_deg", "align", "material"]
+        conflicts_with_all = ["mesh", "at", "pixel", "path", "scale", "unit", "height", "yaw_deg", "align", "material"]
     )]
     layout: Option<PathBuf>,
 
@@ -49,6 +49,10 @@ struct Flags {
     /// Metres per unit of the mesh [default: 1]
     #[arg(long, value_name = "S", value_parser = parse::positive, allow_hyphen_values = true, requires = "mesh")]
     scale: Vec<f64>,
+
+    /// Unit of length of the mesh, instead of --scale [default: m]
+    #[arg(long, value_name = "UNIT", requires = "mesh", value_parser = choice(&UNITS))]
+    unit: Vec<Unit>,
 
     /// Height of the object in metres, instead of --scale
     #[arg(long, value_name = "METRES", value_parser = parse::positive, allow_hyphen_values = true, requires = "mesh")]
@@ -70,8 +74,17 @@ struct Flags {
 /// Up directions of an object.
 static ALIGNMENTS: [Choice<Align>; 3] = [
     ("gravity", Align::Gravity, "Up direction of the room, if known"),
-    ("surface", Align::Surface, "Normal of the surface at the pixel, if tilted by 10 to 40°"),
+    ("surface", Align::Surface, "Normal of the surface at the pixel, if tilted by more than 10°; also on walls"),
     ("none", Align::None, "Up in the photo"),
+];
+
+/// Units of length of a mesh.
+static UNITS: [Choice<Unit>; 5] = [
+    ("m", Unit::Metre, "Metres"),
+    ("cm", Unit::Centimetre, "Centimetres"),
+    ("mm", Unit::Millimetre, "Millimetres"),
+    ("in", Unit::Inch, "Inches"),
+    ("ft", Unit::Foot, "Feet"),
 ];
 
 /// Values of an option with their indices on the command line.
@@ -86,6 +99,7 @@ pub struct ObjectArgs {
     pixel: IndexedValues<[f64; 2]>,
     path: IndexedValues<PathBuf>,
     scale: IndexedValues<f64>,
+    unit: IndexedValues<Unit>,
     height: IndexedValues<f64>,
     yaw_deg: IndexedValues<f32>,
     align: IndexedValues<Align>,
@@ -115,6 +129,7 @@ impl FromArgMatches for ObjectArgs {
             pixel: indexed(matches, "pixel", flags.pixel),
             path: indexed(matches, "path", flags.path),
             scale: indexed(matches, "scale", flags.scale),
+            unit: indexed(matches, "unit", flags.unit),
             height: indexed(matches, "height", flags.height),
             yaw_deg: indexed(matches, "yaw_deg", flags.yaw_deg),
             align: indexed(matches, "align", flags.align),
@@ -179,8 +194,11 @@ impl ObjectArgs {
         }
         let (scale, height_m) =
             (single_value("--scale", &self.scale, mesh, range)?, single_value("--height", &self.height, mesh, range)?);
-        if scale.is_some() && height_m.is_some() {
-            return Err(Usage(format!("--scale and --height cannot both be given for {name}")));
+        let unit = single_value("--unit", &self.unit, mesh, range)?;
+        let sizes = [("--scale", scale.is_some()), ("--height", height_m.is_some()), ("--unit", unit.is_some())];
+        let given: Vec<&str> = sizes.into_iter().filter(|&(_, given)| given).map(|(option, _)| option).collect();
+        if let [first, second, ..] = given[..] {
+            return Err(Usage(format!("{first} and {second} cannot both be given for {name}")));
         }
         let yaw_deg = single_value("--yaw-deg", &self.yaw_deg, mesh, range)?;
         if path.is_some() && yaw_deg.is_some() {
@@ -198,6 +216,7 @@ impl ObjectArgs {
             path: path.map(PathSource::File),
             on: None,
             scale,
+            unit,
             height_m,
             yaw_deg: yaw_deg.map(f64::from),
             align: single_value("--align", &self.align, mesh, range)?,
@@ -215,6 +234,7 @@ impl ObjectArgs {
             ("--pixel", first(&self.pixel)),
             ("--path", first(&self.path)),
             ("--scale", first(&self.scale)),
+            ("--unit", first(&self.unit)),
             ("--height", first(&self.height)),
             ("--yaw-deg", first(&self.yaw_deg)),
             ("--align", first(&self.align)),
@@ -265,7 +285,7 @@ mod tests {
     #[test]
     fn each_mesh_has_the_options_after_it() {
         let line = "--mesh a.glb --pixel 1,2 --height 0.5 --mesh b.glb --at 0,-1,-2 --scale 2 --yaw-deg -30 --material gold \
-                    --mesh c.glb --align none --pixel 3,4";
+                    --mesh c.glb --align none --pixel 3,4 --unit mm";
         let [a, b, c] = &objects(line).unwrap()[..] else { panic!() };
         assert_eq!(
             (a.mesh.as_path(), a.pixel, a.height_m, a.scale),
@@ -277,6 +297,7 @@ mod tests {
         );
         assert_eq!(b.material.as_ref().unwrap().preset.as_deref(), Some("gold"));
         assert_eq!((c.pixel, c.align, a.align), (Some([3.0, 4.0]), Some(Align::None), None));
+        assert_eq!((c.unit, a.unit), (Some(Unit::Millimetre), None));
         assert!(a.material.is_none() && c.material.is_none());
         // The options of a single object may precede its --mesh.
         let one = objects("--pixel 1,2 --height 0.5 --mesh a.glb --material gold").unwrap();
@@ -292,6 +313,8 @@ mod tests {
             ("--mesh a.glb --pixel 1,2 --pixel 3,4", "--pixel is given twice for a.glb"),
             ("--mesh a.glb --pixel 1,2 --at 0,0,-1", "a.glb has more than one position"),
             ("--mesh a.glb --pixel 1,2 --scale 1 --height 1", "--scale and --height"),
+            ("--mesh a.glb --pixel 1,2 --unit cm --height 1", "--height and --unit cannot both be given for a.glb"),
+            ("--unit cm --mesh a.glb --mesh b.glb --pixel 1,2", "--unit precedes the first --mesh"),
             ("--mesh a.glb --path p.json --yaw-deg 3", "--yaw-deg"),
             ("--mesh a.glb --pixel 1,2 --material golf", "golf"),
         ] {

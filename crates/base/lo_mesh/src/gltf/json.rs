@@ -4,6 +4,7 @@
 
 use serde::Deserialize;
 
+use super::material_json::Material;
 use crate::MeshError;
 
 #[derive(Debug, Deserialize)]
@@ -153,137 +154,6 @@ pub struct Buffer {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub struct Material {
-    pub name: Option<String>,
-    pub pbr_metallic_roughness: MetallicRoughness,
-    pub normal_texture: Option<NormalTexture>,
-    pub occlusion_texture: Option<OcclusionTexture>,
-    pub emissive_texture: Option<TextureInfo>,
-    pub emissive_factor: [f32; 3],
-    pub alpha_mode: String,
-    pub alpha_cutoff: f32,
-    pub double_sided: bool,
-    pub extensions: MaterialExtensions,
-}
-
-impl Default for Material {
-    fn default() -> Self {
-        Self {
-            name: None,
-            pbr_metallic_roughness: MetallicRoughness::default(),
-            normal_texture: None,
-            occlusion_texture: None,
-            emissive_texture: None,
-            emissive_factor: [0.0; 3],
-            alpha_mode: "OPAQUE".to_owned(),
-            alpha_cutoff: 0.5,
-            double_sided: false,
-            extensions: MaterialExtensions::default(),
-        }
-    }
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub struct MetallicRoughness {
-    pub base_color_factor: [f32; 4],
-    pub base_color_texture: Option<TextureInfo>,
-    pub metallic_factor: f32,
-    pub roughness_factor: f32,
-    pub metallic_roughness_texture: Option<TextureInfo>,
-}
-
-impl Default for MetallicRoughness {
-    fn default() -> Self {
-        Self {
-            base_color_factor: [1.0; 4],
-            base_color_texture: None,
-            metallic_factor: 1.0,
-            roughness_factor: 1.0,
-            metallic_roughness_texture: None,
-        }
-    }
-}
-
-#[derive(Debug, Default, Deserialize)]
-pub struct MaterialExtensions {
-    #[serde(rename = "KHR_materials_unlit")]
-    pub unlit: Option<serde::de::IgnoredAny>,
-    #[serde(rename = "KHR_materials_emissive_strength")]
-    pub emissive_strength: Option<EmissiveStrength>,
-    #[serde(rename = "KHR_materials_transmission")]
-    pub transmission: Option<Transmission>,
-    #[serde(rename = "KHR_materials_diffuse_transmission")]
-    pub diffuse_transmission: Option<DiffuseTransmission>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub struct Transmission {
-    #[serde(default)]
-    pub transmission_factor: f32,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub struct DiffuseTransmission {
-    #[serde(default)]
-    pub diffuse_transmission_factor: f32,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub struct EmissiveStrength {
-    #[serde(default = "one")]
-    pub emissive_strength: f32,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub struct TextureInfo {
-    pub index: usize,
-    #[serde(default)]
-    pub tex_coord: usize,
-    #[serde(default)]
-    pub extensions: TextureInfoExtensions,
-}
-
-#[derive(Debug, Deserialize)]
-pub struct NormalTexture {
-    #[serde(flatten)]
-    pub info: TextureInfo,
-    #[serde(default = "one")]
-    pub scale: f32,
-}
-
-#[derive(Debug, Deserialize)]
-pub struct OcclusionTexture {
-    #[serde(flatten)]
-    pub info: TextureInfo,
-    #[serde(default = "one")]
-    pub strength: f32,
-}
-
-#[derive(Debug, Default, Deserialize)]
-pub struct TextureInfoExtensions {
-    #[serde(rename = "KHR_texture_transform")]
-    pub transform: Option<TextureTransform>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub struct TextureTransform {
-    #[serde(default)]
-    pub offset: [f32; 2],
-    #[serde(default)]
-    pub rotation: f32,
-    #[serde(default = "ones")]
-    pub scale: [f32; 2],
-    pub tex_coord: Option<usize>,
-}
-
-#[derive(Debug, Deserialize)]
 pub struct Texture {
     pub source: Option<usize>,
     pub sampler: Option<usize>,
@@ -320,14 +190,6 @@ pub struct Sampler {
 
 fn triangles() -> u32 {
     4
-}
-
-fn one() -> f32 {
-    1.0
-}
-
-fn ones() -> [f32; 2] {
-    [1.0; 2]
 }
 
 /// Returns the element of an index.

@@ -2,8 +2,11 @@
 
 mod buffers;
 mod json;
+mod material_json;
 mod materials;
 mod primitives;
+mod specular_glossiness;
+mod texture_loader;
 mod transform;
 mod write;
 
@@ -14,16 +17,13 @@ pub use self::write::{GlbScene, GlbSun};
 use crate::model::Resolver;
 use crate::{MeshError, MeshWarning, Model};
 
-/// Extensions accepted in `extensionsRequired`: those that are read, and those that can be ignored without changing the
-/// model's appearance.
-const SUPPORTED_EXTENSIONS: [&str; 6] = [
-    "KHR_materials_unlit",
-    "KHR_materials_emissive_strength",
-    "KHR_texture_transform",
-    "KHR_mesh_quantization",
-    "EXT_texture_webp",
-    "KHR_lights_punctual",
-];
+/// Extensions accepted in `extensionsRequired`, besides all of [`MATERIAL_EXTENSIONS`]: those that are read, and those
+/// that can be ignored without changing the model's appearance.
+const SUPPORTED_EXTENSIONS: [&str; 4] =
+    ["KHR_texture_transform", "KHR_mesh_quantization", "EXT_texture_webp", "KHR_lights_punctual"];
+
+/// Prefixes of the names of material extensions. Those that are not applied leave a plainer material, with a warning.
+const MATERIAL_EXTENSIONS: [&str; 2] = ["KHR_materials_", "EXT_materials_"];
 
 /// Reads the model, without checking or completing its vertices.
 pub(crate) fn read(bytes: &[u8], resolve: &Resolver) -> Result<Model, MeshError> {
@@ -54,8 +54,10 @@ fn triangle_limit(bytes: usize) -> u64 {
 }
 
 fn check_extensions(root: &Root) -> Result<(), MeshError> {
-    let unsupported = root.extensions_required.iter().find(|name| !SUPPORTED_EXTENSIONS.contains(&name.as_str()));
-    match unsupported {
+    let is_supported = |name: &str| {
+        SUPPORTED_EXTENSIONS.contains(&name) || MATERIAL_EXTENSIONS.iter().any(|prefix| name.starts_with(prefix))
+    };
+    match root.extensions_required.iter().find(|name| !is_supported(name)) {
         None => Ok(()),
         Some(name) => {
             let remedy = match name.as_str() {

@@ -6,7 +6,7 @@ use base64::Engine;
 use lo_geometry::Vec3;
 use serde_json::{Value, json};
 
-use crate::{AlphaMode, MeshError, Model, Wrap};
+use crate::{AlphaMode, MeshError, MeshWarning, Model, Wrap};
 
 fn read(bytes: &[u8]) -> Result<Model, MeshError> {
     Model::from_gltf_bytes(bytes, &|_| Err(Error::from(ErrorKind::NotFound)))
@@ -207,6 +207,78 @@ fn materials_and_textures() {
         "{:?}",
         model.warnings
     );
+}
+
+/// Reads a square with one material and one image of the given pixels.
+fn with_material(material: Value, width: usize, pixels: Vec<[u8; 4]>, extra: Value) -> Result<Model, MeshError> {
+    let mut builder = square();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.png");
+    let image = lo_imaging::Image::new(width, pixels.len() / width, pixels);
+    lo_imaging::write_rgba8(&path, &image, lo_imaging::GENERATOR).unwrap();
+    let view = builder.view(&std::fs::read(&path).unwrap());
+    let mut root = builder.root(json!({"attributes": {"POSITION": 0}, "mode": 5, "material": 0}), extra);
+    root["images"] = json!([{"bufferView": view, "mimeType": "image/png"}]);
+    root["textures"] = json!([{"source": 0}]);
+    root["materials"] = json!([material]);
+    read_json(&root)
+}
+
+#[test]
+fn specular_glossiness_is_converted() {
+    let convert = |value: Value, width: usize, pixels: Vec<[u8; 4]>| {
+        let material = json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": value}});
+        let required = json!({"extensionsRequired": ["KHR_materials_pbrSpecularGlossiness"]});
+        with_material(material, width, pixels, required).unwrap()
+    };
+    // A dielectric keeps its image, whose factor is unchanged by a reflectance of 4 %.
+    let plastic =
+        json!({"diffuseTexture": {"index": 0}, "glossinessFactor": 0.2, "specularFactor": [0.04, 0.04, 0.04]});
+    let model = convert(plastic, 1, vec![[255, 0, 0, 255]]);
+    let material = &model.materials[0];
+    assert_eq!((material.metallic, material.metallic_roughness_texture.is_some()), (0.0, false));
+    assert!((material.roughness - 0.8).abs() < 1e-6);
+    assert!(material.base_color.iter().all(|c| (c - 1.0).abs() < 1e-6), "{:?}", material.base_color);
+    assert!(material.base_color_texture.is_some() && model.warnings.is_empty(), "{:?}", model.warnings);
+
+    // Gold and dull blue plastic in one image of specular colour and glossiness, over a black diffuse colour.
+    let gold = [255, 226, 155, 204];
+    let both = json!({"diffuseFactor": [0, 0, 0, 0.5], "specularGlossinessTexture": {"index": 0}});
+    let model = convert(both, 2, vec![gold, [0, 0, 0, 51]]);
+    let material = &model.materials[0];
+    let texels = |reference: &Option<crate::TextureRef>| {
+        model.textures[reference.as_ref().unwrap().texture].levels[0].pixels().to_vec()
+    };
+    let base = texels(&material.base_color_texture);
+    assert_eq!((&base[0][..3], &base[1][..3]), (&gold[..3], &[0, 0, 0][..]));
+    // Roughness 1 − glossiness in green, metalness in blue.
+    let surface = texels(&material.metallic_roughness_texture);
+    assert_eq!((&surface[0][1..3], &surface[1][1..3]), (&[51, 255][..], &[204, 0][..]));
+    assert_eq!((material.metallic, material.roughness, material.base_color), (1.0, 1.0, [1.0, 1.0, 1.0, 0.5]));
+}
+
+#[test]
+fn glass_and_ignored_extensions_are_named_once() {
+    let glass = |transmission: Value, other: Value| {
+        let mut extensions = other;
+        extensions["KHR_materials_transmission"] = transmission;
+        with_material(json!({"name": "pane", "extensions": extensions}), 1, vec![[102, 0, 0, 255]], json!({})).unwrap()
+    };
+    let volume = json!({"KHR_materials_volume": {"thicknessFactor": 0.1}, "KHR_materials_ior": {"ior": 1.3}});
+    let model = glass(json!({"transmissionFactor": 0.75}), volume);
+    assert_eq!(model.materials[0].transmission, 0.75);
+    assert_eq!(model.warnings, [MeshWarning::Transmission { materials: vec!["pane".to_owned()] }]);
+    // The mean of its image counts: 102 of 255.
+    let model = glass(json!({"transmissionFactor": 0.5, "transmissionTexture": {"index": 0}}), json!({}));
+    assert!((model.materials[0].transmission - 0.2).abs() < 1e-6);
+    // Extensions without effect are not named.
+    let other = json!({
+        "KHR_materials_clearcoat": {"clearcoatFactor": 1}, "KHR_materials_sheen": {"sheenColorFactor": [0, 0, 0]},
+        "KHR_materials_specular": {"specularFactor": 1}, "EXT_materials_glitter": {},
+    });
+    let model = glass(json!({}), other);
+    let names = ["EXT_materials_glitter", "KHR_materials_clearcoat"].map(str::to_owned).to_vec();
+    assert_eq!(model.warnings, [MeshWarning::MaterialExtensions { names }]);
 }
 
 #[test]

@@ -25,3 +25,12 @@ pub(super) fn clean(line: &[u8]) -> Cow<'_, str> {
 pub(super) fn without_comment(line: &[u8]) -> &[u8] {
     line.split(|&byte| byte == b'#').next().unwrap_or_default().trim_ascii()
 }
+
+/// Returns a keyword in lower case; some programs write them in capitals.
+pub(super) fn in_lower_case(keyword: &str) -> Cow<'_, str> {
+    if keyword.bytes().any(|byte| byte.is_ascii_uppercase()) {
+        keyword.to_ascii_lowercase().into()
+    } else {
+        keyword.into()
+    }
+}

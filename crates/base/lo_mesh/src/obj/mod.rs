@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use lo_geometry::Vec3;
 
-use self::lines::{logical_lines, without_comment};
+use self::lines::{in_lower_case, logical_lines, without_comment};
 use crate::model::Resolver;
 use crate::{LoadOptions, Material, MeshError, MeshWarning, Model, normals, polygon};
 
@@ -24,7 +24,11 @@ pub(crate) fn read(bytes: &[u8], resolve: &Resolver, options: &LoadOptions) -> R
     let known = mtl::read_libraries(&file.libraries, resolve, bytes.len(), &mut model);
     let mut unknown: Vec<&str> = Vec::new();
     for name in &file.material_names {
-        model.materials.push(known.get(name.as_str()).cloned().unwrap_or_else(|| {
+        let other_case = || {
+            let alike = known.values().filter(|material| material.name.eq_ignore_ascii_case(name));
+            alike.min_by(|a, b| a.name.cmp(&b.name))
+        };
+        model.materials.push(known.get(name.as_str()).or_else(other_case).cloned().unwrap_or_else(|| {
             if !name.is_empty() {
                 unknown.push(name);
             }
@@ -62,7 +66,7 @@ impl ObjFile {
     fn line(&mut self, number: usize, line: &str) -> Result<(), MeshError> {
         let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim();
-        match keyword {
+        match &*in_lower_case(keyword) {
             "v" => {
                 let (values, count) = numbers::<8>(rest, number)?;
                 if count < 3 {
@@ -85,7 +89,7 @@ impl ObjFile {
                 self.normals.push(Vec3::new(values[0], values[1], values[2]));
             }
             "f" | "fo" => self.face(number, rest)?,
-            "s" => self.group = Some(if rest == "off" { 0 } else { rest.parse().unwrap_or(0) }),
+            "s" => self.group = Some(if rest.eq_ignore_ascii_case("off") { 0 } else { rest.parse().unwrap_or(0) }),
             "usemtl" => self.material = Some(self.material_named(rest)),
             "mtllib" if !self.libraries.iter().any(|known| known == rest) => self.libraries.push(rest.to_owned()),
             _ => {} // Names, groups, curves, points and lines.
@@ -201,9 +205,9 @@ fn count_elements(bytes: &[u8]) -> [usize; 3] {
             continue;
         }
         match line {
-            [b'v', b't', space, ..] if space.is_ascii_whitespace() => counts[1] += 1,
-            [b'v', b'n', space, ..] if space.is_ascii_whitespace() => counts[2] += 1,
-            [b'v', space, ..] if space.is_ascii_whitespace() => counts[0] += 1,
+            [b'v' | b'V', b't' | b'T', space, ..] if space.is_ascii_whitespace() => counts[1] += 1,
+            [b'v' | b'V', b'n' | b'N', space, ..] if space.is_ascii_whitespace() => counts[2] += 1,
+            [b'v' | b'V', space, ..] if space.is_ascii_whitespace() => counts[0] += 1,
             _ => {}
         }
     }

@@ -2,20 +2,22 @@
 //!
 //! | MTL | metallic-roughness |
 //! | --- | --- |
-//! | `Kd`, `map_Kd` | base colour (linear numbers, sRGB image) |
+//! | `Kd`, `map_Kd` | base colour (linear numbers, sRGB image); a black `Kd` does not darken an image |
 //! | `Pr`, `Pm`, `map_Pr`, `map_Pm` | roughness, metallic |
 //! | `Ns` without `Pr` | roughness (2 / (Ns + 2))^¼: Beckmann α of a Blinn-Phong lobe (Walter 2007), α = roughness² |
 //! | `Ks` 0, or `illum` 0 or 1, without `Pr` | roughness 1 |
-//! | `Kd` black, `Ks` above 0.2, no `Pm` | metal of colour `Ks` |
+//! | `Kd` black, `Ks` above 0.2, no `Pm`, no `map_Kd` | metal of colour `Ks` |
 //! | `Ke`, `map_Ke` | emission |
-//! | `d`, `Tr`; `map_d` | blended alpha; alpha cut out at 0.5 |
+//! | `d`, `Tr`; `map_d` | blended alpha, of both the more opaque one; alpha cut out at 0.5 |
 //! | `norm`, `map_Kn`; `map_Bump`, `bump` of a normal map | normal texture, +Y up; height maps are ignored |
+//!
+//! Statements are read in any case, as many programs write them.
 
 use std::collections::{HashMap, HashSet};
 
 use lo_imaging::Image;
 
-use super::lines::{clean, logical_lines};
+use super::lines::{clean, in_lower_case, logical_lines};
 use crate::model::Resolver;
 use crate::texture::TextureBudget;
 use crate::{AlphaMode, Material, MeshWarning, Model, Texture, TextureRef, Wrap};
@@ -63,7 +65,7 @@ fn read_library(bytes: &[u8], loader: &mut TextureLoader, materials: &mut HashMa
     for (_, line) in logical_lines(bytes) {
         let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
         let rest = rest.trim();
-        if keyword == "newmtl" {
+        if keyword.eq_ignore_ascii_case("newmtl") {
             if let Some(done) = entry.replace(MtlMaterial { name: rest.to_owned(), ..MtlMaterial::default() }) {
                 materials.insert(done.name.clone(), done.into_material(loader));
             }
@@ -86,7 +88,10 @@ struct MtlMaterial {
     exponent: Option<f32>,
     roughness: Option<f32>,
     metallic: Option<f32>,
-    alpha: Option<f32>,
+    /// Opacity by `d`.
+    dissolve: Option<f32>,
+    /// Transparency by `Tr`.
+    transparency: Option<f32>,
     illumination: Option<u32>,
     /// Arguments of map statements, by lower-case keyword.
     maps: HashMap<String, String>,
@@ -96,35 +101,44 @@ impl MtlMaterial {
     fn line(&mut self, keyword: &str, rest: &str) {
         let number =
             || rest.split_ascii_whitespace().next().and_then(|w| w.parse::<f32>().ok()).filter(|x| x.is_finite());
-        match keyword {
-            "Kd" => self.diffuse = color(rest),
-            "Ks" => self.specular = color(rest),
-            "Ke" => self.emissive = color(rest),
-            "Ns" => self.exponent = number(),
-            "Pr" => self.roughness = number(),
-            "Pm" => self.metallic = number(),
-            "d" => self.alpha = number(),
-            "Tr" => self.alpha = number().map(|t| 1.0 - t),
+        let keyword = in_lower_case(keyword);
+        match &*keyword {
+            "kd" => self.diffuse = color(rest),
+            "ks" => self.specular = color(rest),
+            "ke" => self.emissive = color(rest),
+            "ns" => self.exponent = number(),
+            "pr" => self.roughness = number(),
+            "pm" => self.metallic = number(),
+            "d" => self.dissolve = opacity(rest),
+            "tr" => self.transparency = number(),
             "illum" => self.illumination = rest.parse().ok(),
             _ if keyword.starts_with("map_") || keyword == "bump" || keyword == "norm" => {
-                self.maps.insert(keyword.to_ascii_lowercase(), rest.to_owned());
+                self.maps.insert(keyword.into_owned(), rest.to_owned());
             }
             _ => {}
         }
     }
 
+    /// Opacity by `d` and `Tr`. By the format `Tr` is 1 − `d`, but some programs write `d` under both names, or 0 for
+    /// both: of two statements, the more opaque one counts.
+    fn alpha(&self) -> f32 {
+        let by_transparency = self.transparency.map(|transparency| 1.0 - transparency);
+        let opacities = [self.dissolve, by_transparency].into_iter().flatten();
+        opacities.reduce(f32::max).unwrap_or(1.0).clamp(0.0, 1.0)
+    }
+
     fn into_material(self, loader: &mut TextureLoader) -> Material {
-        let white = if self.maps.contains_key("map_kd") { [1.0; 3] } else { [0.8; 3] };
-        let diffuse = self.diffuse.unwrap_or(white);
+        let is_black = |color: &[f32; 3]| color.iter().all(|&x| x < 0.01);
+        let has_image = self.maps.contains_key("map_kd");
+        let white = if has_image { [1.0; 3] } else { [0.8; 3] };
+        let diffuse = self.diffuse.filter(|diffuse| !(has_image && is_black(diffuse))).unwrap_or(white);
         let specular = self.specular.unwrap_or([0.0; 3]);
-        let is_metal = self.metallic.is_none()
-            && self.diffuse.is_some_and(|d| d.iter().all(|&x| x < 0.01))
-            && specular.iter().any(|&x| x > 0.2);
+        let is_metal = self.metallic.is_none() && is_black(&diffuse) && specular.iter().any(|&x| x > 0.2);
         let is_matte = matches!(self.illumination, Some(0 | 1)) || specular.iter().all(|&x| x == 0.0);
         let from_exponent = self.exponent.map(|ns| (2.0 / (ns.max(0.0) + 2.0)).powf(0.25));
         let roughness = self.roughness.or(if is_matte && !is_metal { Some(1.0) } else { from_exponent });
         let [r, g, b] = if is_metal { specular } else { diffuse };
-        let alpha = self.alpha.unwrap_or(1.0).clamp(0.0, 1.0);
+        let alpha = self.alpha();
         let map = |keys: &[&str]| keys.iter().find_map(|&key| self.maps.get(key));
 
         let cut_out = map(&["map_d"]).filter(|_| !self.maps.contains_key("map_tr"));
@@ -158,6 +172,12 @@ impl MtlMaterial {
             ..Material::default()
         }
     }
+}
+
+/// Parses the argument of `d`: a number, after an optional `-halo`.
+fn opacity(rest: &str) -> Option<f32> {
+    let opacity: f32 = rest.split_ascii_whitespace().find(|&word| word != "-halo")?.parse().ok()?;
+    opacity.is_finite().then_some(opacity)
 }
 
 /// Parses one or three numbers; negative and non-finite ones become 0.

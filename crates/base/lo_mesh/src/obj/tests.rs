@@ -149,3 +149,78 @@ fn pictures_put_together_are_made_once_and_are_counted() {
     assert!(pixels <= (8192 * 8192) + 16 * (png(4096).len() + 8 * png(2).len() + obj(8).len()), "{pixels}");
     assert!(hostile.warnings.iter().any(|w| w.to_string().ends_with("have too many pixels")), "{:?}", hostile.warnings);
 }
+
+/// Reads one triangle with the material `a`, whose statements are given.
+fn material(mtl: &str) -> crate::Material {
+    let mtl = format!("newmtl a\n{mtl}");
+    let png = lo_imaging::encode_png(&lo_imaging::Image::new(1, 1, vec![[255, 0, 0]]));
+    let resolve = |name: &str| Ok(if name == "a.mtl" { mtl.as_bytes().to_vec() } else { png.clone() });
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n";
+    Model::from_obj_bytes(obj.as_bytes(), &resolve, &LoadOptions::default()).unwrap().materials[0].clone()
+}
+
+#[test]
+fn opacity_by_d_and_tr() {
+    for (mtl, alpha) in [
+        ("Tr 1", 0.0),
+        ("Tr 0.25", 0.75),
+        ("Tr 0", 1.0),
+        ("d 0\nTr 1", 0.0),
+        ("d 0.5\nTr 0.5", 0.5),
+        ("d -halo 0.5", 0.5),
+        // Programs that write the opacity as `Tr`, too, and ones that write 0 for both.
+        ("d 1\nTr 1", 1.0),
+        ("Tr 1\nd 1", 1.0),
+        ("d 0\nTr 0", 1.0),
+    ] {
+        let material = material(mtl);
+        assert_eq!(material.base_color[3], alpha, "{mtl}");
+        assert_eq!(material.alpha_mode == AlphaMode::Blend, alpha < 1.0, "{mtl}");
+    }
+}
+
+#[test]
+fn a_black_colour_does_not_hide_its_image() {
+    let textured = material("Kd 0 0 0\nKs 0.5 0.5 0.5\nmap_Kd a.png");
+    assert_eq!((textured.base_color, textured.metallic), ([1.0; 4], 0.0));
+    assert!(textured.base_color_texture.is_some());
+    assert_eq!(material("Kd 0.5 0.5 0.5\nmap_Kd a.png").base_color, [0.5, 0.5, 0.5, 1.0], "a tint stays");
+    assert_eq!(material("Kd 0 0 0").base_color, [0.0, 0.0, 0.0, 1.0], "black stays black without an image");
+}
+
+#[test]
+fn statements_and_names_in_other_case() {
+    let mtl = "NEWMTL Red\nkd 0.5 0 0\nNS 98\nKS 0.5 0.5 0.5\nD 0.25\nMAP_KE a.png\n";
+    let png = lo_imaging::encode_png(&lo_imaging::Image::new(1, 1, vec![[255, 0, 0]]));
+    let resolve = |name: &str| Ok(if name == "a.mtl" { mtl.as_bytes().to_vec() } else { png.clone() });
+    let obj = "MTLLIB a.mtl\nV 0 0 0\nV 1 0 0\nV 0 1 0\nVT 0 0\nVN 0 0 1\nUSEMTL RED\nF 1/1/1 2/1/1 3/1/1\n";
+    let model = Model::from_obj_bytes(obj.as_bytes(), &resolve, &LoadOptions::default()).unwrap();
+    assert_eq!(model.warnings, []);
+    let red = &model.materials[0];
+    assert_eq!((red.name.as_str(), red.base_color), ("Red", [0.5, 0.0, 0.0, 0.25]));
+    assert!((red.roughness - 0.02_f32.powf(0.25)).abs() < 1e-6 && red.emissive_texture.is_some());
+}
+
+#[test]
+fn files_in_other_case_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("Some.MTL"), MTL).unwrap();
+    let path = folder.path().join("quad.obj");
+    std::fs::write(&path, QUAD).unwrap();
+    let model = Model::load(&path, &LoadOptions::default()).unwrap();
+    assert_eq!(model.materials[0].base_color, [0.5, 0.0, 0.0, 0.25]);
+}
+
+#[test]
+fn transparent_materials_beside_visible_ones_are_named() {
+    let mtl = "newmtl seen\nKd 1 1 1\nnewmtl gone\nd 0\nnewmtl unused\nd 0\n";
+    let resolve = |_: &str| Ok(mtl.as_bytes().to_vec());
+    let read = |faces: &str| {
+        let obj = format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n{faces}");
+        Model::from_obj_bytes(obj.as_bytes(), &resolve, &LoadOptions::default()).unwrap().warnings
+    };
+    let materials = vec!["gone".to_owned()];
+    let mixed = read("usemtl seen\nf 1 2 3\nusemtl gone\nf 1 3 2\n");
+    assert_eq!(mixed, [MeshWarning::TransparentMaterials { materials }]);
+    assert_eq!(read("usemtl gone\nf 1 2 3\n"), [], "the renderer reports an object of which nothing is visible");
+}

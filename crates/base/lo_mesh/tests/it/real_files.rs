@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use lo_geometry::{Ray, Vec3};
-use lo_mesh::{AlphaMode, LoadOptions, Model, PreparedModel};
+use lo_mesh::{AlphaMode, LoadOptions, MeshWarning, Model, PreparedModel};
 use lo_testdata::{asset, shared_data};
 
 fn load(path: &Path) -> Model {
@@ -70,4 +70,36 @@ fn spot() {
     assert_eq!(model.uvs[0].len(), model.positions.len());
     assert!(model.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-5));
     assert!(model.warnings.is_empty(), "{:?}", model.warnings);
+}
+
+fn load_input(file: &str) -> Option<Model> {
+    Some(load(&shared_data(&format!("inputs/meshes/{file}"), &format!("reading of {file}"))?))
+}
+
+#[test]
+fn specular_glossiness() {
+    let Some(model) = load_input("specgloss.glb") else { return };
+    let material = &model.materials[0];
+    assert!((material.roughness - 0.8).abs() < 1e-6 && material.metallic < 0.01, "{material:?}");
+    let texture = material.base_color_texture.as_ref().unwrap().texture;
+    assert_eq!(model.textures[texture].levels[0].width(), 64);
+    assert_eq!(model.warnings, []);
+}
+
+#[test]
+fn transmission() {
+    let Some(model) = load_input("transm.glb") else { return };
+    assert_eq!(model.materials[0].transmission, 1.0);
+    assert_eq!(model.warnings, [MeshWarning::Transmission { materials: vec!["material 0".to_owned()] }]);
+}
+
+#[test]
+fn transparent_and_black_materials() {
+    for (file, rgba) in [("tr1.obj", [1.0, 1.0, 1.0, 0.0]), ("d0.obj", [1.0, 1.0, 1.0, 0.0]), ("blackkd.obj", [1.0; 4])]
+    {
+        let Some(model) = load_input(file) else { return };
+        assert_eq!(model.materials[0].base_color, rgba, "{file}");
+        assert!(model.materials[0].base_color_texture.is_some(), "{file}");
+        assert_eq!(model.warnings, [], "{file}");
+    }
 }

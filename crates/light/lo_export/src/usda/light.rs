@@ -46,7 +46,7 @@ pub fn lamp(index: usize, lamp: &Lamp) -> String {
 }}
 
 "#,
-        index + 1,
+        lamp.label(index).replace(|c: char| !c.is_ascii_alphanumeric(), "_"),
         triple(radiance.map(|c| c / strongest)),
         strongest * lamp.light.extent(),
     )

@@ -4,6 +4,7 @@ use lo_bsdf::{MetallicRoughness, specular_albedo, specular_transmittance};
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::{Hit, SurfacePoint};
 
+use crate::objects::glass::diffuse_share;
 use crate::objects::object::Object;
 
 /// Cells along the longest edge of the object's box.
@@ -36,8 +37,8 @@ pub(crate) fn diffuse_albedo_and_emission(point: &SurfacePoint) -> (Vec3, Vec3) 
     }
     let bsdf = MetallicRoughness::new(Vec3::from(point.base_color), point.metallic, point.roughness);
     let n_dot_v = 0.7;
-    let albedo =
-        bsdf.diffuse * specular_transmittance(bsdf.f0, n_dot_v) + specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
+    let albedo = bsdf.diffuse * specular_transmittance(bsdf.f0, n_dot_v) * diffuse_share(point)
+        + specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
     (albedo, Vec3::from(point.emissive))
 }
 

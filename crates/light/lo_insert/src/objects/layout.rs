@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::objects::path::frame_times_s;
 use crate::objects::ranges;
-use crate::{Align, Anchor, Base, Ground, InsertError, Instance, Path, PathPlacement, Placement};
+use crate::{Align, Anchor, Base, Ground, InsertError, Instance, Path, PathPlacement, Placement, Unit};
 
 /// Objects that are inserted together, read from JSON.
 ///
@@ -52,6 +52,9 @@ pub struct LayoutObject {
     /// Metres per unit of the model; default 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
+    /// Unit of the model's coordinates, instead of a scale; metres by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<Unit>,
     /// Height in metres, instead of a scale.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height_m: Option<f64>,
@@ -264,8 +267,11 @@ impl LayoutObject {
         if self.path.is_some() && self.yaw_deg.is_some() {
             return Err("\"yaw_deg\" is not allowed with \"path\": set it in the keyframes".into());
         }
-        if self.scale.is_some() && self.height_m.is_some() {
-            return Err("\"scale\" and \"height_m\" cannot both be given".into());
+        let sizes =
+            [("scale", self.scale.is_some()), ("height_m", self.height_m.is_some()), ("unit", self.unit.is_some())];
+        let given: Vec<&str> = sizes.into_iter().filter(|&(_, given)| given).map(|(name, _)| name).collect();
+        if let [first, second, ..] = given[..] {
+            return Err(format!("\"{first}\" and \"{second}\" cannot both be given"));
         }
         ranges::PIXEL.check(self.pixel.iter().flatten())?;
         ranges::POSITION_M.check(self.position_m.iter().flatten())?;
@@ -286,9 +292,14 @@ impl LayoutObject {
         }
     }
 
+    /// Returns the metres per unit of the model by its scale or unit, without regard to its height.
+    pub fn metres_per_unit(&self) -> f64 {
+        self.scale.or(self.unit.map(Unit::metres)).unwrap_or(1.0)
+    }
+
     /// Returns the scale in metres per unit of the model.
     fn scale_of(&self, model: &PreparedModel) -> Result<f32, InsertError> {
-        let Some(height_m) = self.height_m else { return Ok(self.scale.unwrap_or(1.0) as f32) };
+        let Some(height_m) = self.height_m else { return Ok(self.metres_per_unit() as f32) };
         let height = model.bounds().size().y;
         if height > 0.0 { Ok(height_m as f32 / height) } else { Err(InsertError::Flat) }
     }
@@ -311,7 +322,7 @@ impl LayoutObject {
         let placed = |placement: Placement| placement.scaled(scale).turned(self.yaw_rad());
         let placement = match (self.position_m, self.pixel) {
             (Some(position_m), _) => placed(Placement::at(ground.estimate, point(position_m), align)),
-            (None, Some([u, v])) => placed(Placement::rest_on_pixel(ground, u, v, align)?).settled(ground, &base),
+            (None, Some([u, v])) => placed(Placement::stand_on_pixel(ground, u, v, align)?).settled(ground, &base),
             (None, None) => return Err(InsertError::Layout("it has no position".into())),
         };
         Ok(vec![placement; times_s.len()])

@@ -1,6 +1,7 @@
 use lo_geometry::{Mat3, Plane, Ray, Vec3};
 use lo_mesh::{AlphaMode, Hit, PlacedModel, SurfacePoint};
 
+use crate::objects::glass::blocked_share;
 use crate::pattern::hammersley;
 use crate::{InsertError, Instance};
 
@@ -9,6 +10,9 @@ const LIGHT_ALPHA: f32 = 0.5;
 
 /// Transparent layers that a light ray passes before it counts as unoccluded.
 const MAX_LAYERS: usize = 16;
+
+/// Surface points of an object that are tested for being transparent.
+const ALPHA_POINTS: usize = 256;
 
 /// Largest number of surfaces counted by the inside test.
 const MAX_CROSSINGS: usize = 1000;
@@ -29,7 +33,9 @@ pub(crate) struct Object<'a> {
     /// The surface that the object stands on.
     pub support: Option<Plane>,
     /// Whether part of it is transparent.
-    pub has_blend: bool,
+    pub is_see_through: bool,
+    /// Whether part of it transmits light.
+    is_glass: bool,
 }
 
 impl<'a> Object<'a> {
@@ -44,6 +50,8 @@ impl<'a> Object<'a> {
         }
         let placed = PlacedModel { prepared, placement: placement.of_model(bounds) };
         let lo_mesh::Placement { scale, rotation, .. } = placed.placement;
+        let materials = &prepared.model().materials;
+        let is_glass = materials.iter().any(|material| material.transmission > 0.0);
         Ok(Self {
             centre_m: placed.placement.world_from_model(centre),
             placed,
@@ -52,7 +60,8 @@ impl<'a> Object<'a> {
             low_m: bounds.min * scale,
             high_m: bounds.max * scale,
             support: placement.support,
-            has_blend: prepared.model().materials.iter().any(|m| m.alpha_mode == AlphaMode::Blend),
+            is_see_through: is_glass || materials.iter().any(|material| material.alpha_mode == AlphaMode::Blend),
+            is_glass,
         })
     }
 
@@ -97,7 +106,7 @@ impl<'a> Object<'a> {
         let mut from_m = 0.0;
         for _ in 0..MAX_LAYERS {
             let hit = self.beyond(ray, from_m, max_m, PlacedModel::intersect_both_sides)?;
-            if !self.has_blend || self.placed.surface(&hit, ray.direction, 0.0).alpha >= LIGHT_ALPHA {
+            if !self.is_see_through || self.surface(ray, &hit, 0.0).alpha >= LIGHT_ALPHA {
                 return Some(hit);
             }
             from_m = hit.distance_m;
@@ -107,7 +116,15 @@ impl<'a> Object<'a> {
 
     /// Returns whether anything before `max_m` blocks light.
     pub fn blocks(&self, ray: &Ray, max_m: f32) -> bool {
+        if self.is_glass {
+            return self.closest(ray, max_m).is_some();
+        }
         !self.misses(ray) && self.placed.occluded(ray, max_m)
+    }
+
+    /// Returns whether its materials make all of it invisible.
+    pub fn is_transparent(&self) -> bool {
+        self.spread_points(ALPHA_POINTS).iter().all(|point| point.alpha == 0.0)
     }
 
     /// Returns the nearest surface beyond `from_m` (0: from the start) that is at least partly visible to the camera.
@@ -164,9 +181,14 @@ impl<'a> Object<'a> {
         (b - a).cross(c - a).normalize_or(Vec3::Y)
     }
 
-    /// Returns material and shading frame at a hit; textures are averaged over a width of `footprint_m`.
+    /// Returns material and shading frame at a hit; textures are averaged over a width of `footprint_m`. Alpha is
+    /// reduced by transmission.
     pub fn surface(&self, ray: &Ray, hit: &Hit, footprint_m: f32) -> SurfacePoint {
-        self.placed.surface(hit, ray.direction, footprint_m)
+        let point = self.placed.surface(hit, ray.direction, footprint_m);
+        if point.transmission > 0.0 {
+            return SurfacePoint { alpha: point.alpha * blocked_share(&point, -ray.direction), ..point };
+        }
+        point
     }
 
     /// Returns `count` points spread over the surface by area, seen from their fronts. They are deterministic per

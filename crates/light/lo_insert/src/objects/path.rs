@@ -59,7 +59,8 @@ pub struct PathPlacement<'a> {
     pub scale: f32,
     /// Alignment of its up.
     pub align: Align,
-    /// Contact area with the surface; without it, the surface's height is that of the pixel alone.
+    /// Contact area with the surface. Without it, the path is not that of an object: pixels may show any surface, and
+    /// their height is that of the pixel alone.
     pub base: Option<&'a Base>,
 }
 
@@ -78,10 +79,13 @@ impl PathPlacement<'_> {
                 Ok(Placement::at(ground.estimate, position_m, self.align).scaled(self.scale))
             }
             (None, Some([u, v])) => {
-                let resting = Placement::rest_on_pixel(ground, u, v, self.align)?
-                    .scaled(self.scale)
-                    .turned(key.yaw_deg.to_radians() as f32);
-                Ok(self.base.map_or(resting, |base| resting.settled(ground, base)))
+                let of_key = |resting: Placement| resting.scaled(self.scale).turned(key.yaw_deg.to_radians() as f32);
+                match self.base {
+                    Some(base) => {
+                        Ok(of_key(Placement::stand_on_pixel(ground, u, v, self.align)?).settled(ground, base))
+                    }
+                    None => Ok(of_key(Placement::rest_on_pixel(ground, u, v, self.align)?)),
+                }
             }
             (None, None) => Err(InsertError::Path("a keyframe has no position".into())),
         }

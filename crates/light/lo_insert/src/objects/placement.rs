@@ -3,6 +3,7 @@ use lo_mesh::Bounds;
 use lo_scene::Estimate;
 use serde::{Deserialize, Serialize};
 
+use crate::objects::below::surface_below;
 use crate::{Base, Ground, InsertError};
 
 /// Largest tilt of a surface that counts as level, degrees: depth noise tilts fitted normals by a few degrees.
@@ -29,8 +30,8 @@ pub enum Align {
     /// Against gravity; the camera's up if gravity is unknown.
     #[default]
     Gravity,
-    /// Along the normal of its supporting surface, up to a tilt of 40°; against gravity on surfaces within 10° of
-    /// level and on steeper ones.
+    /// Along the normal of the surface; against gravity on surfaces within 10° of level. On walls the object lies with
+    /// its base on the wall.
     Surface,
     /// Up in the image, the camera's +Y.
     None,
@@ -70,7 +71,8 @@ impl Placement {
     /// Places an object on the surface at photo position `(u, v)`, pixel centres at +0.5. [`Placement::settled`]
     /// refines its height.
     ///
-    /// Surfaces steeper than 40° (55° for predicted depth) do not support objects.
+    /// Surfaces steeper than 40° (55° for predicted depth) do not support objects, except with [`Align::Surface`]. A
+    /// [`Layout`](crate::Layout) refuses them.
     ///
     /// # Errors
     /// If the position is outside of the photo, or the depth map has no reading there.
@@ -78,16 +80,36 @@ impl Placement {
         let ground = ground.into();
         let (scene, (position_m, normal)) = (ground.estimate, ground.surface_at_pixel(u, v)?);
         let gravity = scene.up();
-        let tilt_deg = normal.dot(gravity).clamp(-1.0, 1.0).acos().to_degrees();
+        let tilt_deg = tilt_deg(normal, gravity);
         let level_deg = if scene.room.is_some() { LEVEL_DEG } else { 0.0 };
+        let carries = tilt_deg < standing_deg(scene);
+        let is_sloped = tilt_deg > level_deg && tilt_deg < STANDING_DEG;
         let up = match align {
-            Align::Surface if tilt_deg > level_deg && tilt_deg < STANDING_DEG => normal,
+            Align::Surface if is_sloped || !carries => normal,
             Align::Gravity | Align::Surface => gravity,
             Align::None => Vec3::Y,
         };
-        let standing_deg = if scene.origin.predicted_depth { PREDICTED_STANDING_DEG } else { STANDING_DEG };
-        let support = (tilt_deg < standing_deg).then(|| Plane::through(position_m, up));
+        let support = (carries || align == Align::Surface).then(|| Plane::through(position_m, up));
         Ok(Self { position_m, scale: 1.0, yaw_rad: 0.0, up, support })
+    }
+
+    /// Places an object as [`rest_on_pixel`](Self::rest_on_pixel), on a surface that supports it.
+    ///
+    /// # Errors
+    /// [`InsertError::Steep`] for other surfaces, and all errors of [`rest_on_pixel`](Self::rest_on_pixel).
+    pub(crate) fn stand_on_pixel(ground: Ground<'_>, u: f64, v: f64, align: Align) -> Result<Self, InsertError> {
+        let placement = Self::rest_on_pixel(ground, u, v, align)?;
+        if placement.support.is_some() {
+            return Ok(placement);
+        }
+        let (position_m, normal) = ground.surface_at_pixel(u, v)?;
+        let tilt_deg = tilt_deg(normal, ground.estimate.up());
+        let least_cosine = standing_deg(ground.estimate).to_radians().cos();
+        let (below_m, below_pixel) = match surface_below(ground.estimate, position_m, normal, least_cosine) {
+            Some((below_m, pixel)) => (Some(below_m), pixel),
+            None => (None, None),
+        };
+        Err(InsertError::Steep { u, v, tilt_deg, position_m, below_m, below_pixel })
     }
 
     /// Returns the placement with another scale, in metres per unit of the model.
@@ -185,6 +207,15 @@ impl Placement {
         }
         Ok(())
     }
+}
+
+fn tilt_deg(normal: Vec3, up: Vec3) -> f32 {
+    normal.dot(up).clamp(-1.0, 1.0).acos().to_degrees()
+}
+
+/// Returns the largest tilt of a surface that supports an object, degrees.
+fn standing_deg(scene: &Estimate) -> f32 {
+    if scene.origin.predicted_depth { PREDICTED_STANDING_DEG } else { STANDING_DEG }
 }
 
 /// Returns the median; 0 for an empty list.

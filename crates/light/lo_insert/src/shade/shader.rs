@@ -13,6 +13,7 @@ use crate::batches::Batches;
 use crate::light::aperture::{cone_tangent, quantised};
 use crate::light::environment::LightPart;
 use crate::light::gather::{Gatherer, RECEIVERS_PER_TASK, Receiver};
+use crate::objects::glass::{blocked_share, diffuse_share};
 use crate::pattern::hammersley;
 use crate::shade::blocks::Blocks;
 use crate::shade::fragment_material::FragmentMaterial;
@@ -121,7 +122,10 @@ impl Shader<'_> {
                 let diffuse =
                     bsdf.diffuse * specular_transmittance(bsdf.f0, n_dot_v) * light.irradiance * (point.occlusion / PI);
                 let specular = light.reflected * specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
-                diffuse + specular + light.highlights * sampled_share(point.roughness) + Vec3::from(point.emissive)
+                let reflected = specular + light.highlights * sampled_share(point.roughness);
+                let radiance = diffuse * diffuse_share(point) + reflected + Vec3::from(point.emissive);
+                // Coverage multiplies it later, but the light of glass is not dimmed by what passes through.
+                radiance / blocked_share(point, fragments[i].view)
             })
             .collect();
         Ok(shaded)

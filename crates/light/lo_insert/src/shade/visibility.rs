@@ -137,7 +137,7 @@ impl RayCaster<'_> {
                     Some(CentreSample { met, hidden: 1.0, .. }) => {
                         view.hidden.push(Hidden { pixel, share: 1.0, object: met.object });
                     }
-                    Some(CentreSample { met, ray, hidden, .. }) if !self.objects[met.object].has_blend => {
+                    Some(CentreSample { met, ray, hidden, .. }) if !self.objects[met.object].is_see_through => {
                         let first = view.fragments.len();
                         self.add_fragment(pixel, &ray, &met, 1.0 - hidden, first, &mut view);
                         if hidden > 0.0 {

@@ -1,5 +1,6 @@
 //! Real surfaces from the depth map.
 
+pub(crate) mod contact;
 pub(crate) mod depth_steps;
 pub(crate) mod holes;
 pub(crate) mod observed_surfaces;

@@ -7,5 +7,6 @@ mod reference;
 mod edited_lights;
 mod insertion;
 mod mirror;
+mod placing;
 mod several;
 mod truth;
