@@ -1,7 +1,7 @@
 //! Progress on stderr: a line with the time of each stage, and a bar with rate and remaining time for long ones.
 
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -92,7 +92,7 @@ impl Stages {
     }
 
     /// Prints the notes about photos' files.
-    pub fn photo_notes<'a>(&self, photos: impl IntoIterator<Item = (&'a PathBuf, &'a PhotoFile)>) {
+    pub fn photo_notes<'a>(&self, photos: impl IntoIterator<Item = (&'a Path, &'a PhotoFile)>) {
         for (path, photo) in photos {
             photo.notes.iter().for_each(|note| self.note(&format!("{}: {note}", path.display())));
         }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use lightoctree::{Document, Estimate, Event, LightPurpose, LitScene, Models, Warning};
 use lo_geometry::{Orientation, Vec3};
 use lo_imaging as imaging;
-use lo_imaging::{ExrOptions, Image, Photo, RadianceImage};
+use lo_imaging::{ExrOptions, Image, RadianceImage};
 use lo_insert::{Composite, InsertError, InsertWarning, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lo_mesh::{Material, PreparedModel};
 use lo_scene::ObjectDisplay;
@@ -126,8 +126,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let (Some(scene), Some(output)) = (&args.scene, &args.output) else {
         return Err(Usage("SCENE and --output are required".into()).into());
     };
-    let Request { layout, source, shown, frames, lighting } = Request::read(args, scene, output)?;
     let mut stages = Stages::new(global.quiet);
+    let Request { layout, source, shown, frames, lighting } = Request::read(args, scene, output, &stages)?;
     stages.name_objects(&names(&layout));
     let (mut document, models) = read(scene, &layout, source, &mut stages)?;
     let objects = Objects::place(&layout, &models, &document.estimate, frames.len())?;
@@ -148,9 +148,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let size = (scene.frame.photo.width(), scene.frame.photo.height());
     let fps = args.fps.unwrap_or(shown.fps);
     let video = Video::is_video(output).then(|| Video::create(output, size, fps)).transpose()?;
-    let photo = &scene.frame.photo;
-    let bars = imaging::BlackBars::of(photo).map(|bars| (bars, photo));
-    let job = FrameJob { inserter: &inserter, objects: &objects, frames: &frames, bars, time_limit_s: args.time_limit };
+    let job = FrameJob { inserter: &inserter, objects: &objects, frames: &frames, time_limit_s: args.time_limit };
     let (count, mut written) = job.render_and_write(fallback, video, &mut stages)?;
     if Video::is_video(output) {
         written.push(output.clone());
@@ -189,7 +187,7 @@ struct FrameFiles {
 }
 
 impl Request {
-    fn read(args: &Args, scene: &Path, output: &Path) -> anyhow::Result<Self> {
+    fn read(args: &Args, scene: &Path, output: &Path, stages: &Stages) -> anyhow::Result<Self> {
         if args.time_limit.is_some() && args.quality != Quality::High {
             return Err(Usage("--time-limit applies to --quality high only".into()).into());
         }
@@ -208,7 +206,7 @@ impl Request {
         };
         let count = frame_count(args, &layout, saved)?;
         let frames = frame_files(args, output, count, layout.moves())?;
-        let lighting = lighting(&args.lighting, args.orientation)?;
+        let lighting = lighting(&args.lighting, args.orientation, stages)?;
         if matches!(lighting, Lighting::EnvironmentMap(_)) && args.light.is_given() {
             let message =
                 "--light, --contrast, --warmth and --white apply to the octree's light; --lighting replaces it";
@@ -322,8 +320,6 @@ struct FrameJob<'a> {
     inserter: &'a Inserter,
     objects: &'a Objects<'a>,
     frames: &'a [FrameFiles],
-    /// Black bars of the photo, which objects do not cover.
-    bars: Option<(imaging::BlackBars, &'a Photo)>,
     time_limit_s: Option<f64>,
 }
 
@@ -342,10 +338,7 @@ impl FrameJob<'_> {
         let progress = bar(stages.is_quiet() || self.frames.len() == 1, self.frames.len(), "frames");
         for FrameFiles { composite: file, layers } in self.frames {
             let composite = self.render(count, &mut fallback, &mut reported, stages)?;
-            let Some(mut composite) = composite else { break };
-            if let Some((bars, photo)) = &self.bars {
-                bars.restore(photo, &mut composite.image);
-            }
+            let Some(composite) = composite else { break };
             match &mut video {
                 Some(video) => video.add(&composite.image)?,
                 None => {
@@ -551,7 +544,7 @@ fn frame_name(pattern: &Path, option: &str, is_sequence: bool, frame: usize) -> 
 }
 
 /// Parses `--lighting`, and reads its map.
-fn lighting(text: &str, orientation: Option<Orientation>) -> anyhow::Result<Lighting> {
+fn lighting(text: &str, orientation: Option<Orientation>, stages: &Stages) -> anyhow::Result<Lighting> {
     if text == "octree" {
         return match orientation {
             None => Ok(Lighting::Octree),
@@ -561,7 +554,9 @@ fn lighting(text: &str, orientation: Option<Orientation>) -> anyhow::Result<Ligh
     let Some(path) = text.strip_prefix("envmap:") else {
         return Err(Usage(format!("--lighting {text}: must be `octree` or `envmap:FILE`")).into());
     };
-    let map = imaging::read_radiance(path)?;
+    let file = imaging::read_photo(path)?;
+    stages.photo_notes([(Path::new(path), &file)]);
+    let map = file.photo.into_radiance();
     if map.width() != 2 * map.height() {
         return Err(Usage(format!(
             "{path} is {} × {}: the width of an equirectangular map must be twice its height",
@@ -600,10 +595,11 @@ mod tests {
 
     #[test]
     fn lighting_is_octree_or_a_map() {
-        assert!(matches!(lighting("octree", None), Ok(Lighting::Octree)));
-        assert!(lighting("octree", Some(Orientation::Blender)).err().unwrap().is::<Usage>());
-        assert!(lighting("sun", None).err().unwrap().is::<Usage>());
-        assert!(lighting("envmap:no/such.exr", None).is_err());
+        let quiet = Stages::new(true);
+        assert!(matches!(lighting("octree", None, &quiet), Ok(Lighting::Octree)));
+        assert!(lighting("octree", Some(Orientation::Blender), &quiet).err().unwrap().is::<Usage>());
+        assert!(lighting("sun", None, &quiet).err().unwrap().is::<Usage>());
+        assert!(lighting("envmap:no/such.exr", None, &quiet).is_err());
     }
 
     #[test]
@@ -619,7 +615,8 @@ mod tests {
         ] {
             let map = RadianceImage::from_fn(16, 8, |x, _| [if x == column { 8.0 } else { 0.25 }; 3]);
             imaging::write_radiance(&file, &map, &ExrOptions::default()).unwrap();
-            let Ok(Lighting::EnvironmentMap(read)) = lighting(&format!("envmap:{}", file.display()), Some(orientation))
+            let Ok(Lighting::EnvironmentMap(read)) =
+                lighting(&format!("envmap:{}", file.display()), Some(orientation), &Stages::new(true))
             else {
                 panic!("{orientation:?}")
             };

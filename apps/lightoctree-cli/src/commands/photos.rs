@@ -106,7 +106,7 @@ impl PhotosArgs {
             };
             photos.iter().zip(depths).map(file).collect()
         })?;
-        stages.photo_notes(photos.iter().zip(files.iter().map(|(photo, _)| photo)));
+        stages.photo_notes(photos.iter().map(PathBuf::as_path).zip(files.iter().map(|(photo, _)| photo)));
         stages.note(&format!("pose format: {}", poses.format));
         let exposures_ev = match &self.exposures {
             Some(parse::ExposuresEv(exposures)) => Some(exposures.iter().map(|ev| ev - exposures[0]).collect()),

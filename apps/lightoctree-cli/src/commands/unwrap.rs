@@ -110,7 +110,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
     let files = stages
         .stage("read photos", || args.photos.iter().map(imaging::read_photo).collect::<Result<Vec<PhotoFile>, _>>())?;
-    stages.photo_notes(args.photos.iter().zip(&files));
+    stages.photo_notes(args.photos.iter().map(PathBuf::as_path).zip(&files));
     let lens = lens(args, &files[0], &mut stages)?;
     let shots: Vec<_> = files.iter().map(|file| file.exposure).collect();
     let photos: Vec<Photo> = files.into_iter().map(|file| file.photo).collect();

@@ -102,28 +102,21 @@ impl BlackBars {
         }
     }
 
-    /// Copies the bars of a photo into another of its size and type, such as a composite with it.
-    ///
-    /// # Panics
-    /// If sizes differ.
-    pub fn restore(&self, photo: &Photo, composite: &mut Photo) {
-        match (photo, composite) {
-            (Photo::Srgb8(from), Photo::Srgb8(to)) => self.copy(from, to),
-            (Photo::Encoded8(from), Photo::Encoded8(to)) => self.copy(&from.image, &mut to.image),
-            (Photo::Linear(from), Photo::Linear(to)) => self.copy(from, to),
-            _ => {}
-        }
+    /// Returns whether a pixel of an image of `size`, width and height, is in a bar.
+    pub fn contains(&self, (x, y): (usize, usize), [width, height]: [usize; 2]) -> bool {
+        let columns = self.left..width.saturating_sub(self.right);
+        let rows = self.top..height.saturating_sub(self.bottom);
+        !(columns.contains(&x) && rows.contains(&y))
     }
 
-    fn copy<T: Copy>(&self, from: &Image<T>, to: &mut Image<T>) {
-        assert_eq!((from.width(), from.height()), (to.width(), to.height()), "sizes of photo and composite");
-        let (width, height) = (from.width(), from.height());
-        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-            let is_inside =
-                (self.left..width - self.right).contains(&x) && (self.top..height - self.bottom).contains(&y);
-            if !is_inside {
-                to[(x, y)] = from[(x, y)];
-            }
+    /// Returns the bars of the same photo at another size.
+    pub fn resized(&self, from: [usize; 2], to: [usize; 2]) -> Self {
+        let scaled = |pixels: usize, axis: usize| (pixels * to[axis] + from[axis] / 2) / from[axis].max(1);
+        Self {
+            left: scaled(self.left, 0),
+            top: scaled(self.top, 1),
+            right: scaled(self.right, 0),
+            bottom: scaled(self.bottom, 1),
         }
     }
 
@@ -271,15 +264,11 @@ mod tests {
                 let Photo::Srgb8(inner) = bars.cropped(&photo) else { panic!() };
                 assert_eq!((inner.width(), inner.height()), (120, 80));
                 assert_eq!((inner[(0, 0)], inner[(119, 79)]), (picture(0, 0), picture(119, 79)));
-                let mut composite = Photo::Srgb8(Image::new(
-                    photo.width(),
-                    photo.height(),
-                    vec![[255; 3]; photo.width() * photo.height()],
-                ));
-                bars.restore(&photo, &mut composite);
-                assert!(bars.cropped(&composite).linear_at((0, 0)) == [1.0; 3]);
-                let corner = (photo.width() - 1, photo.height() - 1);
-                assert!(composite.linear_at(corner) == photo.linear_at(corner) || (bars.right, bars.bottom) == (0, 0));
+                let size = [photo.width(), photo.height()];
+                assert!(!bars.contains((bars.left, bars.top), size));
+                assert_eq!(bars.contains((0, 0), size), bars.left + bars.top > 0);
+                assert_eq!(bars.contains((size[0] - 1, size[1] - 1), size), bars.right + bars.bottom > 0);
+                assert_eq!(bars.resized(size, size.map(|side| 2 * side)).left, 2 * bars.left);
             }
         }
         // a clock in the upper bar

@@ -3,7 +3,7 @@ use std::f32::consts::PI;
 
 use lo_events::{Cancelled, OnEvent, progress, stage, stage_of_steps, warn};
 use lo_geometry::Vec3;
-use lo_imaging::{Image, Photo, RadianceImage};
+use lo_imaging::{BlackBars, Image, Photo, RadianceImage};
 use lo_scene::{Frame, LitScene};
 use rayon::prelude::*;
 
@@ -39,6 +39,8 @@ const LARGE_SIDE: usize = 1440;
 /// surfaces, and their irradiance, computed on demand.
 pub struct Inserter {
     frame: Frame,
+    /// Black bars of the photo, which objects do not cover.
+    bars: Option<BlackBars>,
     environment: Environment,
     occluders: Occluders,
     /// Shadow for the light that real surfaces near the objects reflect to them.
@@ -88,6 +90,7 @@ impl Inserter {
         let field = |side| ShadowField::new(surfaces.resampled(&clean, side), up, floor, &counts);
         let (coarse, fine) = (field(counts.coarse_shadow_side), field(counts.shadow_side));
         Ok(Self {
+            bars: BlackBars::of(&scene.frame.photo),
             frame: scene.frame.clone(),
             environment,
             occluders,
@@ -126,6 +129,8 @@ impl Inserter {
     /// Replaces the photo by one of another size; prepared data is kept.
     #[must_use]
     pub fn with_photo(mut self, photo: Photo) -> Self {
+        let size = [photo.width(), photo.height()];
+        self.bars = self.bars.map(|bars| bars.resized([self.frame.photo.width(), self.frame.photo.height()], size));
         self.frame.camera = self.frame.camera.resized(photo.width() as u32, photo.height() as u32);
         self.frame.photo = photo;
         self
@@ -296,7 +301,7 @@ impl Inserter {
         self.counts.shade_stride[usize::from(large)]
     }
 
-    fn compose(&self, layers: Layers, shadow: &ShadowRatio, reflection: Option<Image<Vec3>>) -> Composite {
+    fn compose(&self, mut layers: Layers, shadow: &ShadowRatio, mut reflection: Option<Image<Vec3>>) -> Composite {
         let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
         // Pixels outside the objects' reach are not looked up.
         let (left, top, right, bottom) = shadow.reach(width, height);
@@ -310,6 +315,17 @@ impl Inserter {
                 *ratio = shadow.for_photo(u, v, seen).to_array();
             }
         });
+        if let Some(bars) = self.bars {
+            for at in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+                if bars.contains(at, [width, height]) {
+                    layers.clear(at);
+                    ratio[at.1 * width + at.0] = [1.0; 3];
+                    if let Some(reflection) = &mut reflection {
+                        reflection[at] = Vec3::ZERO;
+                    }
+                }
+            }
+        }
         let reflection = reflection.map(|image| image.map(|radiance| radiance.to_array()));
         Composite::new(&self.frame, layers, RadianceImage::new(width, height, ratio), reflection)
     }

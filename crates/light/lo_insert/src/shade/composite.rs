@@ -56,6 +56,13 @@ impl Layers {
         }
     }
 
+    /// Removes everything from a pixel.
+    pub fn clear(&mut self, pixel: (usize, usize)) {
+        self.object[pixel] = Vec3::ZERO;
+        self.alpha[pixel] = 0.0;
+        self.occlusion[pixel] = 0.0;
+    }
+
     /// Removes the old background from the occluder's colour at a pixel of a soft edge: `change` is the occluder's
     /// radiance minus the photo's.
     pub fn clear_edge(&mut self, pixel: (usize, usize), change: Vec3) {
