@@ -196,8 +196,8 @@ pub mod imaging {
 /// ```
 pub mod scene {
     pub use lo_scene::{
-        Completion, EstimateOrigin, ExpectedLight, Frame, FrameError, ObjectDisplay, OtherPhoto, PanoramaContribution,
-        PosedFrame, Room, RoomPlane, SceneError, Side, UndistortionError, poses,
+        Completion, DistortedPhoto, EstimateOrigin, ExpectedLight, Frame, FrameError, ObjectDisplay, OtherPhoto,
+        PanoramaContribution, PosedFrame, Room, RoomPlane, SceneError, Side, Undistortion, UndistortionError, poses,
     };
 }
 

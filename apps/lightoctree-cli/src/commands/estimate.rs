@@ -151,6 +151,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             let depth = Depth::File(depth);
             let resolved = photo(args, path, depth, &estimator, &mut stages)?;
             options.camera_source = resolved.camera_source;
+            options.distorted = resolved.distorted;
             resolved.input
         }
         _ => {
@@ -159,6 +160,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             }
             let photos = args.photos.read(photos, depths, args.depth_scale, &args.lens, &mut stages)?;
             options.up = options.up.or(photos.up);
+            options.distorted = photos.distorted;
             photos.input
         }
     };

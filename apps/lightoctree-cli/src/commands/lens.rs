@@ -26,8 +26,8 @@ pub struct LensArgs {
 
     /// Lens distortion in OpenCV's order, which is undone: k1,k2,p1,p2[,k3[,k4,k5,k6]], or fisheye:k1,k2,k3,k4
     ///
-    /// It needs a lens from --intrinsics, --hfov-deg or EXIF. The depth map has the same distortion. Composites are
-    /// undistorted, too.
+    /// It needs a lens from --intrinsics, --hfov-deg or EXIF. The depth map has the same distortion. Composites of
+    /// `insert` are distorted back.
     #[arg(long, value_name = "K1,K2,P1,P2[,K3]", value_parser = distortion, allow_hyphen_values = true)]
     distortion: Option<Distortion>,
 }

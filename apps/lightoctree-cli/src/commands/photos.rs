@@ -1,6 +1,7 @@
 //! Options of `estimate` for several photos of one room.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::Context;
 use lightoctree::events::EstimateWarning;
@@ -10,7 +11,7 @@ use lo_imaging as imaging;
 use lo_imaging::{PhotoExposure, PhotoFile};
 use lo_mirror_ball::stops_from_exif;
 use lo_scene::poses::PhotoPoses;
-use lo_scene::{Frame, PosedFrame, Undistortion};
+use lo_scene::{DistortedPhoto, Frame, PosedFrame, Undistortion};
 
 use super::lens::LensArgs;
 use super::parse;
@@ -68,6 +69,8 @@ pub struct PosedPhotos {
     pub input: Input,
     /// Up direction, if the pose file states it.
     pub up: Option<Vec3>,
+    /// The first photo before its distortion was undone.
+    pub distorted: Option<Arc<DistortedPhoto>>,
 }
 
 impl PhotosArgs {
@@ -113,6 +116,7 @@ impl PhotosArgs {
             None => poses.exposures_ev().or_else(|| exif_exposures_ev(files.iter().map(|(photo, _)| photo))),
         };
         let mut frames = Vec::with_capacity(photos.len());
+        let mut distorted = None;
         for (index, (((photo, depth_m), pose), path)) in
             files.into_iter().zip(poses.first_from_cameras()).zip(photos).enumerate()
         {
@@ -130,7 +134,12 @@ impl PhotosArgs {
             let (mut photo, mut depth_m) = (photo.photo, depth_m);
             if let Some(distortion) = given.distortion.or_else(|| poses.distortion(index)) {
                 let undistortion = Undistortion::new(camera, distortion).with_context(|| path.display().to_string())?;
-                (photo, depth_m) = (undistortion.photo(&photo), undistortion.depth(&depth_m));
+                let undistorted = undistortion.photo(&photo);
+                let original = std::mem::replace(&mut photo, undistorted);
+                if index == 0 {
+                    distorted = Some(Arc::new(DistortedPhoto::new(original, undistortion)));
+                }
+                depth_m = undistortion.depth(&depth_m);
                 camera = undistortion.camera;
                 stages.warn(&EstimateWarning::Undistorted { hfov_deg: camera.hfov_deg() });
             }
@@ -142,7 +151,7 @@ impl PhotosArgs {
             frames.push(PosedFrame { frame, first_from_camera: pose });
         }
         let exposures = if exposures_ev.is_some() { Exposures::Known } else { Exposures::Matched };
-        Ok(PosedPhotos { input: Input::Photos { photos: frames, exposures }, up: poses.up })
+        Ok(PosedPhotos { input: Input::Photos { photos: frames, exposures }, up: poses.up, distorted })
     }
 }
 

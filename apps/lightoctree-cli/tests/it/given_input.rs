@@ -214,3 +214,28 @@ fn composites_keep_the_colour_space_of_the_photo() {
     let share = changed as f64 / before.image.pixels().len() as f64;
     assert!((0.002..0.7).contains(&share), "{share}");
 }
+
+/// Composites of a distorted photo have its own pixels where no object changes them.
+#[test]
+fn composites_are_distorted_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let photo = lo_imaging::read_photo(asset("library_color.jpg")).unwrap().photo.into_srgb8();
+    let (width, height) = (480, 360);
+    let small = Image::from_fn(width, height, |x, y| photo[(4 * x, 4 * y)]);
+    std::fs::write(at.join("small.png"), lo_imaging::encode_png(&small)).unwrap();
+    let lens = ["--hfov-deg", "67", "--distortion", "-0.15,0.02,0,0"];
+    done(at, &[&["estimate", "small.png", "-o", "room.scene"][..], &lens].concat());
+    let scene = Document::read(at.join("room.scene")).unwrap().estimate;
+    assert_eq!(scene.distorted.as_ref().unwrap().photo, Photo::Srgb8(small.clone()));
+    let sphere = ["--mesh", "builtin:sphere", "--height", "0.2", "--pixel", "240,330", "-o", "out.png"];
+    done(at, &[&["insert", "room.scene"][..], &sphere].concat());
+    let out = lo_imaging::read_photo(at.join("out.png")).unwrap().photo.into_srgb8();
+    let same = small.pixels().iter().zip(out.pixels()).filter(|(a, b)| a == b).count() as f64;
+    let share = same / small.pixels().len() as f64;
+    assert!((0.3..0.995).contains(&share), "{share}");
+    // the upper corners are far from the object
+    for (x, y) in (0..40).flat_map(|y| (0..40).map(move |x| (x, y))) {
+        assert_eq!(out[(x, y)], small[(x, y)], "{x} {y}");
+    }
+}

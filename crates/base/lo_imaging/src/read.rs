@@ -40,7 +40,8 @@ pub fn photo_from_bytes(bytes: &[u8], name: &str) -> Result<PhotoFile, ImageErro
         Format::Hdr | Format::Exr | Format::Pfm => {
             let mut notes = Vec::new();
             let mut image = decode_radiance(source, &mut notes)?;
-            notes.extend(finite::replace(&mut image));
+            let replaced = finite::replace(&mut image);
+            notes.extend(replaced.map_err(|_| source.invalid("it has no finite value"))?);
             Ok(PhotoFile { notes, ..PhotoFile::new(Photo::Linear(image)) })
         }
         _ => raster::photo(source),

@@ -89,6 +89,7 @@ impl Estimator {
             up: options.up.or(found_up.map(|(up, _)| up)),
             sources: options.sources.clone(),
             panorama: None,
+            distorted: options.distorted.clone(),
             ..*options
         };
         let mut completed = match method {
@@ -120,7 +121,8 @@ impl Estimator {
             None => frame,
         };
         let observed = Estimate::observed_only(light, frame);
-        Ok(Estimate { room, confidence, expected, panorama, other_photos, origin, ..observed })
+        let distorted = options.distorted.clone();
+        Ok(Estimate { distorted, room, confidence, expected, panorama, other_photos, origin, ..observed })
     }
 
     /// Checks the options and returns the completion method and the octree's depth.

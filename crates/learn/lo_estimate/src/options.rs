@@ -1,6 +1,8 @@
+use std::sync::Arc;
+
 use lo_completion::PanoramaPrior;
 use lo_geometry::Vec3;
-use lo_scene::{CameraSource, Completion};
+use lo_scene::{CameraSource, Completion, DistortedPhoto};
 
 /// Default of [`EstimateOptions::octree_depth`].
 pub const DEFAULT_OCTREE_DEPTH: u32 = 7;
@@ -35,6 +37,9 @@ pub struct EstimateOptions {
     /// Source of the camera as returned by [`Estimator::camera_of`](crate::Estimator::camera_of), stored in the
     /// estimate.
     pub camera_source: Option<CameraSource>,
+    /// The photo before undistortion as returned by [`Estimator::resolve`](crate::Estimator::resolve), stored in the
+    /// estimate, so that composites are distorted back.
+    pub distorted: Option<Arc<DistortedPhoto>>,
     /// Captured panorama of the same room, whose light is applied to unobserved regions.
     ///
     /// It cannot be combined with [`Completion::None`].
@@ -51,6 +56,7 @@ impl Default for EstimateOptions {
             seed: 0,
             sources: Vec::new(),
             camera_source: None,
+            distorted: None,
             panorama: None,
         }
     }

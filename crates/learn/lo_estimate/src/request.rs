@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 #[cfg(feature = "depth-models")]
 use lo_depth_models::DepthModel;
 use lo_events::{OnEvent, warn};
@@ -5,7 +7,7 @@ use lo_geometry::{Camera, Distortion};
 #[cfg(feature = "depth-models")]
 use lo_imaging::Image;
 use lo_imaging::{BlackBars, DepthMap, PhotoFile, SpecialProjection};
-use lo_scene::{CameraSource, Frame, FrameError, Undistortion};
+use lo_scene::{CameraSource, DistortedPhoto, Frame, FrameError, Undistortion};
 
 use crate::{EstimateError, EstimateWarning, Estimator, Input};
 
@@ -60,6 +62,10 @@ pub struct ResolvedPhoto {
     ///
     /// It belongs into [`EstimateOptions::camera_source`](crate::EstimateOptions::camera_source).
     pub camera_source: Option<CameraSource>,
+    /// The photo before its distortion was undone.
+    ///
+    /// It belongs into [`EstimateOptions::distorted`](crate::EstimateOptions::distorted).
+    pub distorted: Option<Arc<DistortedPhoto>>,
 }
 
 impl Estimator {
@@ -98,7 +104,12 @@ impl Estimator {
             let (predicted, predicted_source) = self.predict_depth(photo.photo, known_camera, &model, on_event)?;
             let camera_source = known.map_or(predicted_source, |(_, source)| source);
             let camera = predicted.frame.camera;
-            return Ok(ResolvedPhoto { input: Input::PredictedDepth(predicted), camera, camera_source });
+            return Ok(ResolvedPhoto {
+                input: Input::PredictedDepth(predicted),
+                camera,
+                camera_source,
+                distorted: None,
+            });
         }
         let (camera, camera_source) = self.given_or_found_camera(&photo, camera)?;
         let photo = photo.photo;
@@ -111,7 +122,7 @@ impl Estimator {
             }
             _ => Input::Photo { photo, camera },
         };
-        Ok(ResolvedPhoto { input, camera, camera_source })
+        Ok(ResolvedPhoto { input, camera, camera_source, distorted: None })
     }
 
     /// Undoes the distortion of a photo and its depth map, and resolves the rest.
@@ -125,7 +136,9 @@ impl Estimator {
         let (camera, camera_source) = self.given_or_found_camera(&photo, camera)?;
         let undistortion = Undistortion::new(camera, distortion)?;
         warn(on_event, EstimateWarning::Undistorted { hfov_deg: undistortion.camera.hfov_deg() })?;
-        photo.photo = undistortion.photo(&photo.photo);
+        let undistorted = undistortion.photo(&photo.photo);
+        let distorted = DistortedPhoto::new(std::mem::replace(&mut photo.photo, undistorted), undistortion);
+        let distorted = Some(Arc::new(distorted));
         let depth = match depth {
             DepthSource::Measured(depth_m) => DepthSource::Measured(undistortion.depth(&depth_m)),
             DepthSource::Predicted(depth_m) => DepthSource::Predicted(undistortion.depth(&depth_m)),
@@ -134,7 +147,7 @@ impl Estimator {
             undistorted => undistorted,
         };
         let request = PhotoRequest { photo, camera: Some(undistortion.camera), distortion: None, depth };
-        self.resolve(request, on_event).map(|resolved| ResolvedPhoto { camera_source, ..resolved })
+        self.resolve(request, on_event).map(|resolved| ResolvedPhoto { camera_source, distorted, ..resolved })
     }
 
     /// Returns the given camera, or determines it with its source.

@@ -120,8 +120,8 @@ impl fmt::Display for EstimateWarning {
             ),
             Self::Undistorted { hfov_deg } => write!(
                 f,
-                "lens distortion is undone: the scene's photo, and composites with it, are undistorted, with a \
-                 horizontal field of view of {hfov_deg:.1}°"
+                "lens distortion is undone: the scene's photo has a horizontal field of view of {hfov_deg:.1}°; \
+                 composites are distorted back"
             ),
             Self::OutsideCube { outside, points } => {
                 write!(f, "{outside} of {points} points are outside the octree's cube and were discarded")

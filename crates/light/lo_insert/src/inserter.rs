@@ -1,10 +1,11 @@
 use std::collections::{BTreeSet, HashMap};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use lo_events::{Cancelled, OnEvent, progress, stage, stage_of_steps, warn};
 use lo_geometry::Vec3;
 use lo_imaging::{BlackBars, Image, Photo, RadianceImage};
-use lo_scene::{Frame, LitScene};
+use lo_scene::{DistortedPhoto, Frame, LitScene};
 use rayon::prelude::*;
 
 use crate::light::aperture::cone_tangent;
@@ -19,6 +20,7 @@ use crate::placement_check::{ObjectVisibility, PlacementCheck};
 use crate::quality::Counts;
 use crate::shade::composite::{Composite, Layers};
 use crate::shade::gloss::Gloss;
+use crate::shade::redistortion::Redistortion;
 use crate::shade::shader::Shader;
 use crate::shade::visibility::{RayCaster, TILE, TileView, coverage_pattern, is_in_view, seen_window};
 use crate::shadow::backdrop::Backdrop;
@@ -41,6 +43,8 @@ pub struct Inserter {
     frame: Frame,
     /// Black bars of the photo, which objects do not cover.
     bars: Option<BlackBars>,
+    /// The photo as its lens took it, of which composites are made.
+    distorted: Option<(Arc<DistortedPhoto>, Arc<Redistortion>)>,
     environment: Environment,
     occluders: Occluders,
     /// Shadow for the light that real surfaces near the objects reflect to them.
@@ -91,6 +95,10 @@ impl Inserter {
         let (coarse, fine) = (field(counts.coarse_shadow_side), field(counts.shadow_side));
         Ok(Self {
             bars: BlackBars::of(&scene.frame.photo),
+            distorted: scene
+                .distorted
+                .as_ref()
+                .map(|distorted| (Arc::clone(distorted), Arc::new(Redistortion::new(&distorted.undistortion)))),
             frame: scene.frame.clone(),
             environment,
             occluders,
@@ -126,13 +134,14 @@ impl Inserter {
         self
     }
 
-    /// Replaces the photo by one of another size; prepared data is kept.
+    /// Replaces the photo by one of another size; prepared data is kept. Composites are not distorted back any more.
     #[must_use]
     pub fn with_photo(mut self, photo: Photo) -> Self {
         let size = [photo.width(), photo.height()];
         self.bars = self.bars.map(|bars| bars.resized([self.frame.photo.width(), self.frame.photo.height()], size));
         self.frame.camera = self.frame.camera.resized(photo.width() as u32, photo.height() as u32);
         self.frame.photo = photo;
+        self.distorted = None;
         self
     }
 
@@ -326,7 +335,15 @@ impl Inserter {
                 }
             }
         }
+        let (mut photo, exposure) = (&self.frame.photo, self.frame.exposure);
+        let mut ratio = RadianceImage::new(width, height, ratio);
+        if let Some((distorted, back)) = &self.distorted {
+            photo = &distorted.photo;
+            layers = layers.distorted(back);
+            ratio = back.layer(&ratio.map(|&rgb| Vec3::from(rgb)), Vec3::ONE).map(|ratio| ratio.to_array());
+            reflection = reflection.map(|image| back.layer(&image, Vec3::ZERO));
+        }
         let reflection = reflection.map(|image| image.map(|radiance| radiance.to_array()));
-        Composite::new(&self.frame, layers, RadianceImage::new(width, height, ratio), reflection)
+        Composite::new(photo, exposure, layers, ratio, reflection)
     }
 }

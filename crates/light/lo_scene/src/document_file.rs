@@ -15,7 +15,8 @@ use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
 use crate::camera_source::is_deviation;
-use crate::document_tensors::{Tensor, layout, tensor};
+use crate::distorted_photo::{self, DistortedHeader};
+use crate::document_tensors::{Tensor, floats, layout, tensor};
 use crate::frame::MAX_PHOTO_RADIANCE;
 use crate::photo_encoding_file::{self, EncodingHeader};
 use crate::{
@@ -60,6 +61,8 @@ struct Metadata {
     exposure: f32,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     photo_encoding: Option<EncodingHeader>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    distorted: Option<DistortedHeader>,
     completion: Completion,
     room: Option<Room>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -187,8 +190,10 @@ impl SceneFile {
             }
             _ => (None, Vec::new()),
         };
+        let (distorted, distorted_tensor) = estimate.distorted.as_deref().map(distorted_photo::write).unzip();
         let metadata = Metadata {
             photo_encoding,
+            distorted,
             format_version: FORMAT_VERSION,
             program: format!("{generator} {}", env!("CARGO_PKG_VERSION")),
             octree,
@@ -224,6 +229,7 @@ impl SceneFile {
         };
         tensors.push(("photo".to_owned(), photo));
         tensors.extend(encoding_tensors);
+        tensors.extend(distorted_tensor);
         let shares = [
             ("confidence", estimate.confidence.as_ref()),
             (PANORAMA_SHARE, estimate.panorama.as_ref().map(|contribution| &contribution.share)),
@@ -314,8 +320,11 @@ impl SceneFile {
             other_photos,
             light_edits,
             objects,
+            distorted,
             ..
         } = metadata;
+        let distorted =
+            distorted.map(|header| distorted_photo::read(&tensors, header, &frame.photo, &frame.camera)).transpose()?;
         let expected = expected_light.map(|header| read_expected(&tensors, header)).transpose()?;
         let objects = objects.map(|header| read_objects(&tensors, header)).transpose()?.unwrap_or_default();
         let panorama =
@@ -323,7 +332,7 @@ impl SceneFile {
         let origin =
             EstimateOrigin { completion, camera_source, up_deviation_deg, sources, predicted_depth, depth_model };
         let observed = Estimate::observed_only(light, frame);
-        let estimate = Estimate { room, confidence, expected, panorama, other_photos, origin, ..observed };
+        let estimate = Estimate { distorted, room, confidence, expected, panorama, other_photos, origin, ..observed };
         Ok(Self { estimate: estimate.into(), light_edits, objects })
     }
 }
@@ -455,10 +464,6 @@ fn check_values(tensor: &'static str, values: &[f32], range: RangeInclusive<f32>
         }
         None => Ok(()),
     }
-}
-
-fn floats(bytes: &[u8]) -> Vec<f32> {
-    bytes.as_chunks().0.iter().map(|&word| f32::from_le_bytes(word)).collect()
 }
 
 /// Returns the part after the last slash or backslash; scene files store no folders.

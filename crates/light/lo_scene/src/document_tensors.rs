@@ -22,6 +22,11 @@ pub(crate) fn layout(tensor: &'static str, expected: &'static str, dtype: Dtype,
     SceneError::Layout { tensor, expected, got: format!("{dtype} {shape:?}") }
 }
 
+/// Converts little-endian bytes.
+pub(crate) fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks().0.iter().map(|&word| f32::from_le_bytes(word)).collect()
+}
+
 /// A tensor of a scene file, to be written.
 pub(crate) enum Tensor<'a> {
     Octree(NamedTensor),

@@ -1,9 +1,11 @@
+use std::sync::Arc;
+
 use lo_geometry::Vec3;
 use lo_imaging::Image;
 use lo_octree::LightOctree;
 
 use crate::derived::Derived;
-use crate::{CameraSource, Completion, ExpectedLight, Frame, OtherPhoto, PanoramaContribution, Room};
+use crate::{CameraSource, Completion, DistortedPhoto, ExpectedLight, Frame, OtherPhoto, PanoramaContribution, Room};
 
 /// The estimate of a room from photos: its radiance and the observed frame. Self-contained.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,6 +14,8 @@ pub struct Estimate {
     pub light: LightOctree,
     /// The photo with its depth and camera.
     pub frame: Frame,
+    /// The photo as its lens took it, if the frame has its undistorted version. Composites are distorted back to it.
+    pub distorted: Option<Arc<DistortedPhoto>>,
     /// Gravity and the closing planes, where they are known.
     pub room: Option<Room>,
     /// The light network's confidence: `confidence[d][row]` of each row of [`LightOctree::rgba`], 255 · e^−ε with the
@@ -53,6 +57,7 @@ impl Estimate {
         Self {
             light,
             frame,
+            distorted: None,
             room: None,
             confidence: None,
             expected: None,

@@ -61,6 +61,7 @@
 
 mod camera_source;
 mod derived;
+mod distorted_photo;
 mod document_file;
 mod document_tensors;
 mod edited_light;
@@ -86,6 +87,7 @@ mod surfel;
 mod undistortion;
 
 pub use camera_source::CameraSource;
+pub use distorted_photo::DistortedPhoto;
 pub use document_file::{FORMAT_VERSION, MAX_FILE_BYTES, SceneFile};
 pub use edited_light::{EditedLight, OctreeChange};
 pub use error::{FrameError, SceneError};

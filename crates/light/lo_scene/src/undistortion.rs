@@ -72,6 +72,25 @@ impl Undistortion {
         Ok(Self { distorted, distortion, camera: zoomed(narrow) })
     }
 
+    /// Returns focal lengths and principal point of the distorted photo.
+    pub fn distorted_camera(&self) -> Camera {
+        self.distorted
+    }
+
+    /// Returns the distortion of the lens.
+    pub fn distortion(&self) -> Distortion {
+        self.distortion
+    }
+
+    /// Returns the place in the undistorted photo of a place in the distorted one, both in pixels; `None` if the lens
+    /// model does not reach it.
+    pub fn undistorted_place(&self, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
+        let Camera { fx, fy, cx, cy, .. } = self.distorted;
+        let [x, y] = self.distortion.undistorted([(u - cx) / fx, (v - cy) / fy])?;
+        let Camera { fx, fy, cx, cy, .. } = self.camera;
+        Some([fx * x + cx, fy * y + cy])
+    }
+
     /// Returns the photo that the pinhole camera takes, interpolated in linear light. 8-bit photos stay 8-bit.
     pub fn photo(&self, photo: &Photo) -> Photo {
         let (width, height) = (photo.width(), photo.height());

@@ -199,7 +199,9 @@ fn photo_at_side(photo: &Photo, side: usize) -> Photo {
     let scaled = |length: usize| (length * side).div_ceil(longer).max(1);
     match (photo, resized_photo(photo, scaled(photo.width()), scaled(photo.height()))) {
         // Keep 8 bits, as displayed.
-        (Photo::Srgb8(_), Photo::Linear(linear)) => Photo::Srgb8(linear.map(|rgb| rgb.map(imaging::srgb8_from_linear))),
+        (Photo::Srgb8(_) | Photo::Encoded8(_), Photo::Linear(linear)) => {
+            Photo::Srgb8(linear.map(|rgb| rgb.map(imaging::srgb8_from_linear)))
+        }
         (_, smaller) => smaller,
     }
 }

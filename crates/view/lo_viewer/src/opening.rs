@@ -128,7 +128,7 @@ fn estimate(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, Stri
             DepthSource::Measured(depth_m)
         }
     };
-    let ResolvedPhoto { input, camera_source, .. } = estimator
+    let ResolvedPhoto { input, camera_source, distorted, .. } = estimator
         .resolve(PhotoRequest { photo, camera, distortion: None, depth }, on_event)
         .map_err(|error| format!("{name}{with}: {error}"))?;
     let panorama = panorama
@@ -138,6 +138,6 @@ fn estimate(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, Stri
                 .map_err(|error| format!("{name} is not a panorama of a room: {error}"))
         })
         .transpose()?;
-    let options = EstimateOptions { sources, panorama, camera_source, ..EstimateOptions::default() };
+    let options = EstimateOptions { sources, panorama, camera_source, distorted, ..EstimateOptions::default() };
     estimator.estimate(input, &options, on_event).map_err(|error| format!("{name}: {error}"))
 }

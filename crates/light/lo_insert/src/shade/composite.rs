@@ -2,9 +2,9 @@ use std::sync::LazyLock;
 
 use lo_geometry::Vec3;
 use lo_imaging::{ChannelGroup, EncodedPhoto, Image, Photo, RadianceImage, linear_from_srgb8};
-use lo_scene::Frame;
 use rayon::prelude::*;
 
+use crate::shade::redistortion::Redistortion;
 use crate::shade::visibility::{Hidden, TileView};
 
 /// A photo with inserted objects, and its layers, all of the photo's size.
@@ -53,6 +53,15 @@ impl Layers {
         }
         for &Hidden { pixel, share, .. } in &view.hidden {
             self.occlusion[pixel] += share;
+        }
+    }
+
+    /// Distorts the layers back to the photo as its lens took it.
+    pub fn distorted(self, back: &Redistortion) -> Self {
+        Self {
+            object: back.layer(&self.object, Vec3::ZERO),
+            alpha: back.layer(&self.alpha, 0.0),
+            occlusion: back.layer(&self.occlusion, 0.0),
         }
     }
 
@@ -125,7 +134,8 @@ impl Composite {
     }
 
     pub(crate) fn new(
-        frame: &Frame,
+        photo: &Photo,
+        exposure: f32,
         layers: Layers,
         shadow_ratio: RadianceImage,
         reflection: Option<RadianceImage>,
@@ -135,13 +145,13 @@ impl Composite {
             layers.alpha.pixels()[i] > 0.0 || shadow_ratio.pixels()[i] != [1.0; 3] || reflected(i) != Vec3::ZERO
         };
         let blended = |i: usize, photo: Vec3| {
-            let floor = photo * Vec3::from(shadow_ratio.pixels()[i]) + reflected(i) / frame.exposure;
+            let floor = photo * Vec3::from(shadow_ratio.pixels()[i]) + reflected(i) / exposure;
             let under = floor.max(photo.min(Vec3::ZERO)) * (1.0 - layers.alpha.pixels()[i]);
-            under + layers.object.pixels()[i] / frame.exposure
+            under + layers.object.pixels()[i] / exposure
         };
         let mixed = |i: usize, photo: Vec3| blended(i, photo).max(Vec3::ZERO);
         let table = SrgbTable::get();
-        let mut image = frame.photo.clone();
+        let mut image = photo.clone();
         match &mut image {
             Photo::Srgb8(image) => image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
                 if changed(i) {

@@ -4,5 +4,6 @@ pub(crate) mod blocks;
 pub(crate) mod composite;
 pub(crate) mod fragment_material;
 pub(crate) mod gloss;
+pub(crate) mod redistortion;
 pub(crate) mod shader;
 pub(crate) mod visibility;
