@@ -149,10 +149,12 @@ fn a_person_moves_objects_and_light() {
     // Keys and fields.
     browser.key("]", 0);
     browser.wait("viewer.page.view.objects[0].yaw_deg === -5");
+    let height = "viewer.page.view.objects[0].position_m[1]";
+    let resting = browser.value(height);
     browser.key("PageUp", 0);
-    browser.wait("viewer.page.view.objects[0].place.position");
+    browser.wait(&format!("viewer.page.view.objects[0].place.position && {height} > {resting} + 0.005"));
     browser.key("g", 0);
-    browser.wait("viewer.page.view.objects[0].place.pixel");
+    browser.wait(&format!("{height} < {resting} + 0.005"));
     browser.value(
         "(() => { const field = document.querySelector('#properties input[aria-label=\"Height in metres\"]');
            field.value = '0.4'; field.dispatchEvent(new Event('change')); })()",

@@ -205,7 +205,8 @@ fn interiornet_errors_name_the_line() {
     };
     assert_eq!(message(good.replacen("30 24 16", "30 x 16", 1)), ": line 7: `x` is not a number");
     assert_eq!(message(good.replacen(" 48 32\n", "\n", 1)), ": line 7: 13 numbers; expected 15");
-    assert!(message(good.replacen("30 24 16", "-30 24 16", 1)).starts_with(": line 7: focal lengths must be positive"));
+    let negative = message(good.replacen("30 24 16", "-30 24 16", 1));
+    assert!(negative.starts_with(": line 7: focal lengths of a 48 × 32 image must be from"), "{negative}");
     assert!(message(good.replacen(" 0 0 1 0 ", " 5 0 1 0 ", 1)).contains("is not a unit quaternion"));
     let cut: String = good.lines().take(8).map(|line| format!("{line}\n")).collect();
     assert!(message(cut).starts_with(": lines: 2 cameras for 3 images in "));
