@@ -3,13 +3,15 @@ use lo_imaging::Image;
 use lo_scene::Undistortion;
 use rayon::prelude::*;
 
-/// Pixels between the places at which the lens model is inverted; it is smooth, and interpolated in between.
-const STEP: usize = 16;
+/// Cells along the longer side at whose corners the lens model is inverted. It is smooth, and interpolated in between
+/// with an error of some hundredths of a pixel.
+const CELLS: usize = 160;
 
 /// Places of a distorted photo's pixels in the undistorted one, to distort layers back.
 pub(crate) struct Redistortion {
-    /// Place at every [`STEP`]th pixel; `None` where the lens model ends.
+    /// Place at the corners of cells of `step`² pixels; `None` where the lens model ends.
     grid: Image<Option<[f64; 2]>>,
+    step: usize,
     width: usize,
     height: usize,
 }
@@ -17,12 +19,13 @@ pub(crate) struct Redistortion {
 impl Redistortion {
     pub fn new(undistortion: &Undistortion) -> Self {
         let (width, height) = (undistortion.camera.width as usize, undistortion.camera.height as usize);
-        let (columns, rows) = (width.div_ceil(STEP) + 1, height.div_ceil(STEP) + 1);
+        let step = width.max(height).div_ceil(CELLS).max(1);
+        let (columns, rows) = (width.div_ceil(step) + 1, height.div_ceil(step) + 1);
         let place = |index: usize| {
-            undistortion.undistorted_place([index % columns, index / columns].map(|at| (at * STEP) as f64))
+            undistortion.undistorted_place([index % columns, index / columns].map(|at| (at * step) as f64))
         };
         let places = (0..columns * rows).into_par_iter().map(place).collect();
-        Self { grid: Image::new(columns, rows, places), width, height }
+        Self { grid: Image::new(columns, rows, places), step, width, height }
     }
 
     /// Distorts a layer of the undistorted photo, interpolated between four pixels. `neutral` is its value outside.
@@ -36,8 +39,9 @@ impl Redistortion {
 
     /// Returns the place in the undistorted photo of a place in the distorted one, in pixels.
     fn place(&self, at: [f64; 2]) -> Option<[f64; 2]> {
-        let cell = at.map(|at| (at / STEP as f64) as usize);
-        let [fx, fy] = [0, 1].map(|axis| at[axis] / STEP as f64 - cell[axis] as f64);
+        let step = self.step as f64;
+        let cell = at.map(|at| (at / step) as usize);
+        let [fx, fy] = [0, 1].map(|axis| at[axis] / step - cell[axis] as f64);
         let corner = |dx: usize, dy: usize| self.grid[(cell[0] + dx, cell[1] + dy)];
         let (a, b, c, d) = (corner(0, 0)?, corner(1, 0)?, corner(0, 1)?, corner(1, 1)?);
         let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
