@@ -288,7 +288,11 @@ fn meshes(folder: &Path) -> Result {
     // Both images of a specular-glossiness material, glass, and an extension that is only named.
     let materials = r#""extensions":{"KHR_materials_pbrSpecularGlossiness":{"diffuseFactor":[0.9,0.8,0.7,0.6],"diffuseTexture":{"index":0},"specularFactor":[0.5,0.4,0.3],"glossinessFactor":0.7,"specularGlossinessTexture":{"index":0}},"KHR_materials_transmission":{"transmissionFactor":0.5,"transmissionTexture":{"index":0}},"KHR_materials_clearcoat":{"clearcoatFactor":1},"#;
     let embedded = triangle_json(buffer.len(), picture.len(), &uri);
-    let extended = embedded.replacen(r#""extensions":{"KHR_materials_emissive"#, &format!("{materials}\"KHR_materials_emissive"), 1);
+    let extended = embedded.replacen(
+        r#""extensions":{"KHR_materials_emissive"#,
+        &format!("{materials}\"KHR_materials_emissive"),
+        1,
+    );
     save("extensions.gltf", GLTF, extended.as_bytes())?;
     // The target returns the mesh's own bytes for every file that it refers to.
     save("external.gltf", GLTF, triangle_json(buffer.len(), picture.len(), r#","uri":"a.bin""#).as_bytes())?;
