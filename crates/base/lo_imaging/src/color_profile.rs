@@ -5,8 +5,8 @@ use std::sync::{Arc, LazyLock};
 
 use crate::color::{linear_from_srgb, linear_from_srgb8, srgb_from_linear, srgb8_from_linear};
 use moxcms::{
-    Chromaticity, CicpProfile, ColorPrimaries, ColorProfile as IccProfile, DataColorSpace, Layout, Matrix3d,
-    RenderingIntent, ToneCurveEvaluator, ToneReprCurve, TransformOptions, XyY, curve_from_gamma,
+    Chromaticity, CicpProfile, ColorPrimaries, ColorProfile as IccProfile, DataColorSpace, Layout, LocalizableString,
+    Matrix3d, ProfileText, RenderingIntent, ToneCurveEvaluator, ToneReprCurve, TransformOptions, XyY, curve_from_gamma,
 };
 
 /// Largest ICC profile that is used, in bytes; profiles of printers have about 3 MB.
@@ -91,6 +91,8 @@ impl ColorProfile {
     pub(crate) fn from_gamma(gamma: Option<f32>, primaries: Option<[[f32; 2]; 4]>) -> Option<Self> {
         let mut profile = IccProfile::new_srgb();
         profile.cicp = None;
+        let name = LocalizableString::new("en".to_owned(), "US".to_owned(), "gamma and primaries of a PNG".to_owned());
+        profile.description = Some(ProfileText::Localizable(vec![name]));
         if let Some(gamma) = gamma {
             let curve = || Some(curve_from_gamma(gamma));
             (profile.red_trc, profile.green_trc, profile.blue_trc) = (curve(), curve(), curve());

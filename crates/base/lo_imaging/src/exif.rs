@@ -42,13 +42,17 @@ fn parse(raw: &[u8]) -> Option<Exif> {
     reader.read_raw(raw.to_vec()).or_else(|error| error.distill_partial_result(|_| ())).ok()
 }
 
-/// Whether the colour space is Adobe RGB: the interoperability index R03 (EXIF 2.32, 4.6.8; DCF 2.0).
+/// Whether the colour space is Adobe RGB: the interoperability index R03 (EXIF 2.32, 4.6.8; DCF 2.0), or the value 2 of
+/// the colour space that some cameras write.
 pub(crate) fn is_adobe_rgb(raw: &[u8]) -> bool {
-    parse(raw).is_some_and(|exif| match exif.get_field(Tag::InteroperabilityIndex, In::PRIMARY) {
-        Some(field) => {
-            matches!(&field.value, Value::Ascii(text) if text.first().is_some_and(|t| t.starts_with(b"R03")))
-        }
-        None => false,
+    parse(raw).is_some_and(|exif| {
+        uint(&exif, Tag::ColorSpace) == Some(2)
+            || match exif.get_field(Tag::InteroperabilityIndex, In::PRIMARY) {
+                Some(field) => {
+                    matches!(&field.value, Value::Ascii(text) if text.first().is_some_and(|t| t.starts_with(b"R03")))
+                }
+                None => false,
+            }
     })
 }
 

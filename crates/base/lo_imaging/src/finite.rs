@@ -6,7 +6,7 @@ use crate::{PhotoNote, RadianceImage};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct NoFiniteValue;
 
-/// Replaces infinite values by the largest finite one of the image, with their sign, and NaN by 0.
+/// Replaces infinite values by the largest finite one of the image, and −∞ and NaN by 0.
 ///
 /// Returns how many there were, if there were any. An image without finite values is left as it is, and is an error.
 pub(crate) fn replace(image: &mut RadianceImage) -> Result<Option<PhotoNote>, NoFiniteValue> {
@@ -25,7 +25,11 @@ pub(crate) fn replace(image: &mut RadianceImage) -> Result<Option<PhotoNote>, No
     if infinite + nan == values.len() {
         return Err(NoFiniteValue);
     }
-    let finite = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(-largest, largest) };
+    let finite = |v: f32| match v {
+        f32::INFINITY => largest,
+        v if v.is_finite() => v,
+        _ => 0.0,
+    };
     image.pixels_mut().par_iter_mut().for_each(|pixel| *pixel = pixel.map(finite));
     Ok(Some(PhotoNote::NotFinite { infinite, nan, largest }))
 }
@@ -38,7 +42,7 @@ mod tests {
     fn infinite_pixels_become_the_brightest() {
         let mut image = RadianceImage::new(2, 1, vec![[f32::INFINITY, 1.0, f32::NAN], [3.5, f32::NEG_INFINITY, 0.0]]);
         assert_eq!(replace(&mut image), Ok(Some(PhotoNote::NotFinite { infinite: 2, nan: 1, largest: 3.5 })));
-        assert_eq!(image.pixels(), [[3.5, 1.0, 0.0], [3.5, -3.5, 0.0]]);
+        assert_eq!(image.pixels(), [[3.5, 1.0, 0.0], [3.5, 0.0, 0.0]]);
         assert_eq!(replace(&mut image), Ok(None));
         assert_eq!(replace(&mut RadianceImage::new(1, 1, vec![[f32::NAN; 3]])), Err(NoFiniteValue));
     }

@@ -15,17 +15,21 @@ pub struct PartialPanorama {
 }
 
 impl PartialPanorama {
-    /// Reads the properties of an equirectangular panorama. `None` if they are missing or inconsistent.
-    pub(crate) fn from_xmp(packet: &[u8]) -> Option<Self> {
+    /// Reads the properties of an equirectangular panorama. `None` if there are none; the error says what is wrong.
+    pub(crate) fn from_xmp(packet: &[u8]) -> Option<Result<Self, &'static str>> {
         let xmp = Xmp::parse(packet)?;
+        xmp.value(GPANO, "FullPanoWidthPixels")?;
+        if xmp.value(GPANO, "ProjectionType").is_some_and(|p| !p.eq_ignore_ascii_case("equirectangular")) {
+            return Some(Err("its projection is not equirectangular"));
+        }
+        Some(Self::from_properties(&xmp).ok_or("its sizes and offsets contradict one another"))
+    }
+
+    fn from_properties(xmp: &Xmp<'_>) -> Option<Self> {
         let pixels = |name: &str| {
             let value = xmp.number(GPANO, name)?;
             (0.0..=1e6).contains(&value).then_some(value.round() as u32)
         };
-        let projection = xmp.value(GPANO, "ProjectionType");
-        if projection.is_some_and(|p| !p.eq_ignore_ascii_case("equirectangular")) {
-            return None;
-        }
         let full = [pixels("FullPanoWidthPixels")?, pixels("FullPanoHeightPixels")?];
         let size = [
             pixels("CroppedAreaImageWidthPixels").unwrap_or(full[0]),
@@ -62,9 +66,10 @@ mod tests {
         };
         let read = |left, projection| PartialPanorama::from_xmp(packet(left, projection).as_bytes());
         let expected = PartialPanorama { full: [1024, 512], offset: [100, 160], size: [400, 192] };
-        assert_eq!(read(100, "equirectangular"), Some(expected));
-        assert_eq!(read(700, "equirectangular"), None, "it reaches beyond the panorama");
-        assert_eq!(read(100, "cylindrical"), None);
+        assert_eq!(read(100, "equirectangular"), Some(Ok(expected)));
+        assert!(read(700, "equirectangular").unwrap().unwrap_err().contains("contradict"));
+        assert!(read(100, "cylindrical").unwrap().unwrap_err().contains("projection"));
+        assert_eq!(PartialPanorama::from_xmp(br#"<x:xmpmeta xmlns:x="adobe:ns:meta/"/>"#), None);
         assert!(!expected.is_full());
     }
 }

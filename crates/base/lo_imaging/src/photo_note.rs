@@ -6,7 +6,7 @@ use std::fmt;
 pub enum PhotoNote {
     /// The file ends early: part of the picture is missing.
     Truncated {
-        /// Share of the rows that is missing, in [0, 1].
+        /// Share of the rows that is missing, in [0, 1]; 0 if only detail is.
         missing: f64,
     },
     /// A gain map gives the radiance of clipped pixels.
@@ -23,6 +23,11 @@ pub enum PhotoNote {
     },
     /// The file has a colour profile that cannot be used; the photo is read as sRGB.
     UnusableProfile {
+        /// Cause.
+        reason: &'static str,
+    },
+    /// The file has GPano metadata that cannot be used.
+    UnusablePanorama {
         /// Cause.
         reason: &'static str,
     },
@@ -52,6 +57,7 @@ impl PhotoNote {
 impl fmt::Display for PhotoNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Truncated { missing: 0.0 } => f.write_str("the file is cut off: the picture may lack detail"),
             Self::Truncated { missing } => write!(
                 f,
                 "the file is cut off: {:.0} % of the picture is missing and black",
@@ -66,6 +72,7 @@ impl fmt::Display for PhotoNote {
             Self::UnusableProfile { reason } => {
                 write!(f, "the colour profile is not used: {reason}; the photo is read as sRGB")
             }
+            Self::UnusablePanorama { reason } => write!(f, "the GPano metadata are not used: {reason}"),
             Self::IgnoredHeader { line } => write!(f, "the invalid header line “{line}” is ignored"),
             Self::NotFinite { infinite, nan, largest } => match (infinite, nan) {
                 (_, 0) => write!(f, "{infinite} infinite values were replaced by the largest finite one, {largest}"),

@@ -12,7 +12,7 @@ use crate::raster_decoder::{decoder, invalid, orientation, samples};
 use crate::source_color::{self, SourceColor};
 use crate::{
     ColorProfile, Format, GainMap, Image, ImageError, PartialPanorama, Photo, PhotoEncoding, PhotoFile, PhotoNote,
-    RadianceImage, cmyk, gain_map_read, truncated,
+    RadianceImage, cmyk, gain_map_read, truncated, xmp,
 };
 
 /// Decodes 8-bit RGBA, upright. Colour profiles are ignored: glTF's textures are sRGB.
@@ -27,7 +27,7 @@ pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
     let mut decoder = decoder(source)?;
     // unreadable metadata must not fail the image
     let mut exif = decoder.exif_metadata().ok().flatten();
-    let xmp = decoder.xmp_metadata().ok().flatten();
+    let xmp_packet = decoder.xmp_metadata().ok().flatten();
     let icc = match source.format {
         // `image` 0.25.10 does not find it
         Format::Tiff => source_color::icc_of_tiff(source.bytes),
@@ -59,8 +59,14 @@ pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
     let segments = (source.format == Format::Jpeg).then(|| JpegSegments::read(source.bytes));
     if segments.as_ref().is_some_and(|segments| segments.end.is_none()) {
         let rows = truncated::missing_rows(&decoded);
+        let missing = rows as f64 / f64::from(decoded.height());
+        if missing > MOST_MISSING {
+            return Err(
+                source.invalid(format!("the file is cut off: {:.0} % of the picture is missing", 100.0 * missing))
+            );
+        }
+        notes.push(PhotoNote::Truncated { missing });
         if rows > 0 {
-            notes.push(PhotoNote::Truncated { missing: rows as f64 / f64::from(decoded.height()) });
             decoded = truncated::blacken(decoded, rows);
         }
     }
@@ -75,8 +81,15 @@ pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
     if let Some(exif) = &mut exif {
         let _ = Orientation::remove_from_exif_chunk(exif);
     }
-    let panorama = xmp.as_deref().and_then(PartialPanorama::from_xmp);
-    let metadata = Metadata { exif: exif.unwrap_or_default(), xmp: xmp.unwrap_or_default(), gain_map };
+    let panorama = match xmp_packet.as_deref().and_then(PartialPanorama::from_xmp) {
+        Some(Err(reason)) => {
+            notes.push(PhotoNote::UnusablePanorama { reason });
+            None
+        }
+        place => place.and_then(Result::ok),
+    };
+    let xmp = xmp_packet.map(xmp::with_upright_orientation).unwrap_or_default();
+    let metadata = Metadata { exif: exif.unwrap_or_default(), xmp, gain_map };
     let photo = combine(decoded, color, metadata);
     if let Photo::Encoded8(encoded) = &photo
         && encoded.encoding.gain_map.is_some()
@@ -85,6 +98,9 @@ pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
     }
     Ok(PhotoFile { focal, exposure, notes, panorama, ..PhotoFile::new(photo) })
 }
+
+/// Most of a cut-off picture that may be missing.
+const MOST_MISSING: f64 = 0.6;
 
 struct Metadata {
     exif: Vec<u8>,

@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use crate::Format;
+use crate::chromaticity::REC709;
 use crate::color_profile::{ColorProfile, IccKind, MAX_PROFILE_BYTES, TableProfile, read_icc};
 use crate::encoded_image::EncodedImage;
 
@@ -86,11 +87,16 @@ fn of_png(source: EncodedImage) -> Result<SourceColor, &'static str> {
     if info.srgb.is_some() {
         return Ok(SourceColor::Srgb);
     }
-    let gamma = info.gama_chunk.map(png::ScaledFloat::into_value).filter(|g| !SRGB_GAMMA.contains(g));
+    let gamma = info.gama_chunk.map(png::ScaledFloat::into_value);
     let primaries = info.chrm_chunk.map(|chrm| {
         let xy = |(x, y): (png::ScaledFloat, png::ScaledFloat)| [x.into_value(), y.into_value()];
         [xy(chrm.red), xy(chrm.green), xy(chrm.blue), xy(chrm.white)]
     });
+    // The value means sRGB's curve beside sRGB's primaries, and a power beside others.
+    let other = primaries
+        .filter(|p| p.iter().flatten().zip(REC709.iter().flatten()).any(|(a, b)| (f64::from(*a) - b).abs() > 2e-3));
+    let gamma = gamma.filter(|g| other.is_some() || !SRGB_GAMMA.contains(g));
+    let primaries = other;
     if gamma.is_none() && primaries.is_none() {
         return Ok(SourceColor::Srgb);
     }

@@ -43,6 +43,19 @@ impl<'a> Xmp<'a> {
     }
 }
 
+/// Replaces the value of `tiff:Orientation` in a packet by 1, upright.
+pub(crate) fn with_upright_orientation(mut packet: Vec<u8>) -> Vec<u8> {
+    for name in [&b"tiff:Orientation=\""[..], b"tiff:Orientation='", b"<tiff:Orientation>"] {
+        let found = packet.windows(name.len()).position(|window| window == name).map(|at| at + name.len());
+        if let Some(at) = found
+            && packet.get(at).is_some_and(u8::is_ascii_digit)
+        {
+            packet[at] = b'1';
+        }
+    }
+    packet
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -59,5 +72,13 @@ mod tests {
         assert_eq!(xmp.values("urn:a", "Three"), ["1", "2", "3"]);
         assert_eq!(xmp.value("urn:b", "One"), None);
         assert!(Xmp::parse(b"<x").is_none());
+    }
+
+    #[test]
+    fn orientation_becomes_upright() {
+        let turned = |text: &str| String::from_utf8(with_upright_orientation(text.as_bytes().to_vec())).unwrap();
+        assert_eq!(turned(r#"<a tiff:Orientation="6" b="6"/>"#), r#"<a tiff:Orientation="1" b="6"/>"#);
+        assert_eq!(turned("<tiff:Orientation>8</tiff:Orientation>"), "<tiff:Orientation>1</tiff:Orientation>");
+        assert_eq!(turned("<a/>"), "<a/>");
     }
 }

@@ -92,9 +92,9 @@ fn inscribed(photo: &RadianceImage) -> Option<BallCircle> {
     let (mut corners, mut rim) = (Vec::new(), Vec::new());
     for (index, &rgb) in photo.pixels().iter().enumerate() {
         let at = [(index % width) as f64 + 0.5, (index / width) as f64 + 0.5];
-        // the outline itself is blended
+        // the outline itself is blended, and JPEG spreads it over its block
         match distance(at, middle) - radius_px {
-            beyond if beyond > 1.5 => corners.push(rgb),
+            beyond if beyond > (0.2 * radius_px).min(9.0) => corners.push(rgb),
             beyond if (-0.05 * radius_px..-1.5).contains(&beyond) => rim.push(rgb),
             _ => {}
         }

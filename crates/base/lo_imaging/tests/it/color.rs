@@ -206,10 +206,11 @@ fn chunks_of_a_png_state_its_colour_space() {
     assert_eq!(read(&[(b"gAMA", words(&[45455]))]), Photo::Srgb8(Image::new(2, 1, pixels.to_vec())));
     let linear = read(&[(b"gAMA", words(&[100_000]))]);
     assert!((linear.linear_at((0, 0))[0] - 128.0 / 255.0).abs() < 1e-5);
-    // cHRM of Display P3 with sRGB's curve, and cICP of the same
+    // cHRM of Display P3 with a power of 2.2, and cICP with sRGB's curve
     let primaries = words(&[31270, 32900, 68000, 32000, 26500, 69000, 15000, 6000]);
     let by_primaries = read(&[(b"gAMA", words(&[45455])), (b"cHRM", primaries)]);
-    assert_near(by_primaries.srgb8().pixels(), &[[128; 3], [209, 147, 91]]);
+    // by CSS Color 4's matrix in double precision
+    assert_near(by_primaries.srgb8().pixels(), &[[129; 3], [210, 149, 91]]);
     let by_points = read(&[(b"cICP", vec![12, 13, 0, 1])]);
     assert_near(by_points.srgb8().pixels(), &[[128; 3], [209, 147, 91]]);
     // the perceptual quantizer: 58 % of the signal is 203 cd/m², the reference white (ITU-R BT.2408-7, table 1)
@@ -324,6 +325,11 @@ fn a_cut_off_jpeg_is_named() {
         assert_eq!(photo[(x, y)], expected, "{x} {y}");
     }
     assert_eq!(lo_imaging::read_photo(inputs.join("base.jpg")).unwrap().notes, []);
+    // most of it missing, and only the end
+    let whole = std::fs::read(inputs.join("base.jpg")).unwrap();
+    let error = lo_imaging::photo_from_bytes(&whole[..whole.len() / 5], "cut.jpg").unwrap_err().to_string();
+    assert!(error.contains("cut.jpg") && error.contains("cut off"), "{error}");
+    assert_eq!(read(&whole[..whole.len() - 2]).notes, [PhotoNote::Truncated { missing: 0.0 }]);
 }
 
 #[test]

@@ -5,7 +5,9 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use lo_geometry::{MAX_COORDINATE_M, Orientation, Vec3, is_position};
-use lo_imaging::{EncodedPhoto, Format, Image, ImageError, PartialPanorama, Photo, PhotoFile, RadianceImage, reorient};
+use lo_imaging::{
+    EncodedPhoto, Format, Image, ImageError, PartialPanorama, Photo, PhotoFile, PhotoNote, RadianceImage, reorient,
+};
 
 use super::PanoramaWarning;
 
@@ -69,6 +71,9 @@ pub enum PanoramaError {
         /// Height in pixels.
         height: usize,
     },
+    /// The metadata of a part of the sphere cannot be used.
+    #[error("its GPano metadata cannot be used: {0}")]
+    Metadata(&'static str),
     /// The image is black.
     #[error("it is black or has no finite values")]
     Black,
@@ -176,11 +181,16 @@ impl PanoramaPrior {
     }
 
     fn of_photo(
-        PhotoFile { photo, panorama, .. }: PhotoFile,
+        PhotoFile { photo, panorama, notes, .. }: PhotoFile,
         is_radiance: impl FnOnce() -> bool,
         orientation: Orientation,
         file: &str,
     ) -> Result<Self, PanoramaError> {
+        for note in notes {
+            if let PhotoNote::UnusablePanorama { reason } = note {
+                return Err(PanoramaError::Metadata(reason));
+            }
+        }
         let clipped = match &photo {
             Photo::Encoded8(photo) if photo.encoding.gain_map.is_some() => None,
             Photo::Srgb8(image) | Photo::Encoded8(EncodedPhoto { image, .. }) => {
