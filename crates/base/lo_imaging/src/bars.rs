@@ -2,10 +2,10 @@
 
 use lo_geometry::Camera;
 
-use crate::{EncodedPhoto, GainMap, Image, Photo, PhotoEncoding, RadianceImage, srgb8_from_linear};
+use crate::{EncodedPhoto, GainMap, Image, Photo, RadianceImage, srgb8_from_linear};
 
 /// Largest sRGB value of black: video black is 16, and compression adds noise.
-const BLACK: u8 = 28;
+pub(crate) const BLACK: u8 = 28;
 
 /// Smallest share of black pixels in a row of a bar. The others may be a clock or buttons.
 const BAR_SHARE: f32 = 0.85;
@@ -92,11 +92,10 @@ impl BlackBars {
         match photo {
             Photo::Srgb8(image) => Photo::Srgb8(self.crop(image)),
             Photo::Encoded8(EncodedPhoto { image, encoding }) => {
-                let PhotoEncoding { profile, gain_map, exif, xmp } = &**encoding;
                 let size = [image.width(), image.height()];
-                let gain_map = gain_map.as_ref().map(|map| self.crop_gain_map(map, size));
-                let (profile, exif, xmp) = (profile.clone(), exif.clone(), xmp.clone());
-                Photo::encoded8(self.crop(image), PhotoEncoding { profile, gain_map, exif, xmp })
+                let gain_map = encoding.gain_map.as_ref();
+                let gain_map = gain_map.map(|map| GainMap { image: self.cropped_map(&map.image, size), ..*map });
+                Photo::encoded8(self.crop(image), encoding.with_gain_map(gain_map))
             }
             Photo::Linear(image) => Photo::Linear(self.crop(image)),
         }
@@ -120,21 +119,20 @@ impl BlackBars {
         }
     }
 
-    /// Crops the gain map of a photo of this size to the picture, at about its own resolution.
-    fn crop_gain_map(&self, map: &GainMap, [width, height]: [usize; 2]) -> GainMap {
+    /// Crops a map with the view of a photo of `size`, width and height, to the picture, at the map's own resolution.
+    pub fn cropped_map<T: Copy>(&self, map: &Image<T>, [width, height]: [usize; 2]) -> Image<T> {
         let axis = |count: usize, size: usize, start: usize, end: usize| {
             let inner = size - start - end;
-            let cropped = (count * inner).div_ceil(size).max(1);
+            let cropped = ((count * inner) as f64 / size as f64).round().max(1.0) as usize;
             let index = move |at: usize| {
                 let place = start as f64 + (at as f64 + 0.5) * inner as f64 / cropped as f64;
                 ((place * count as f64 / size as f64) as usize).min(count - 1)
             };
             (cropped, index)
         };
-        let (columns, column) = axis(map.image.width(), width, self.left, self.right);
-        let (rows, row) = axis(map.image.height(), height, self.top, self.bottom);
-        let image = Image::from_fn(columns, rows, |x, y| map.image[(column(x), row(y))]);
-        GainMap { image, parameters: map.parameters }
+        let (columns, column) = axis(map.width(), width, self.left, self.right);
+        let (rows, row) = axis(map.height(), height, self.top, self.bottom);
+        Image::from_fn(columns, rows, |x, y| map[(column(x), row(y))])
     }
 
     fn crop<T: Copy>(&self, image: &Image<T>) -> Image<T> {
@@ -237,7 +235,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::{perspective_from_equirectangular, read_photo, read_radiance, view_rotation};
-    use lo_testdata::{asset, panoramas, shared_data};
+    use lo_testdata::{real_panoramas, real_photos, shared_data};
 
     /// A picture of 120 × 80 with a bright and a dark half.
     fn picture(x: usize, y: usize) -> [u8; 3] {
@@ -302,16 +300,7 @@ mod tests {
 
     #[test]
     fn real_photos_have_no_bars_and_framed_ones_do() {
-        let mut photos = vec![asset("library_color.jpg")];
-        for folder in ["rgbd", "rgbd_more", "photos_more"] {
-            let Some(folder) = shared_data(folder, "bars of real photos") else { continue };
-            let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
-            photos.extend(files.filter(|file| {
-                let name = file.file_name().unwrap().to_string_lossy().into_owned();
-                !name.contains("depth") && (name.ends_with(".jpg") || name.ends_with(".png"))
-            }));
-        }
-        for file in photos {
+        for file in real_photos("bars of real photos") {
             let photo = read_photo(&file).unwrap().photo;
             // also underexposed by five stops
             let dark = Photo::Linear(photo.radiance().map(|rgb| rgb.map(|c| c / 32.0)));
@@ -328,12 +317,7 @@ mod tests {
     /// Views of panoramas, among them black studios.
     #[test]
     fn dark_rooms_have_no_bars() {
-        let mut files = vec![panoramas().join("lebombo_256.hdr")];
-        for folder in ["hdr", "hdr_more"] {
-            let Some(folder) = shared_data(folder, "bars in views of dark rooms") else { continue };
-            let all = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
-            files.extend(all.filter(|file| file.extension().is_some_and(|e| e == "hdr" || e == "exr")));
-        }
+        let files = real_panoramas(&["hdr", "hdr_more"], "bars in views of dark rooms");
         let (mut found, mut views) = (Vec::new(), 0);
         for file in files {
             let panorama = read_radiance(&file).unwrap();

@@ -33,6 +33,11 @@ impl PhotoEncoding {
         *self == Self::default()
     }
 
+    /// Returns the same encoding with another gain map, or none.
+    pub fn with_gain_map(&self, gain_map: Option<GainMap>) -> Self {
+        Self { profile: self.profile.clone(), gain_map, exif: self.exif.clone(), xmp: self.xmp.clone() }
+    }
+
     /// Converts a pixel to linear Rec. 709. Colours outside its gamut have negative values or values above 1.
     #[inline]
     pub fn linear(&self, pixel: [u8; 3]) -> [f32; 3] {

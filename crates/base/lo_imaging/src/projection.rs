@@ -1,5 +1,6 @@
 //! Photos that no pinhole camera takes: panoramas and fisheyes.
 
+use crate::bars::BLACK;
 use crate::{Image, Photo, RadianceImage, luminance, srgb8_from_linear};
 
 /// How an image that is no ordinary photo seems to be projected.
@@ -21,9 +22,6 @@ const MAX_ASPECT: f64 = 3.0;
 
 /// Longer side of the image that is examined.
 const LONG_SIDE: usize = 256;
-
-/// Largest sRGB value around a disc.
-const BLACK: u8 = 28;
 
 impl SpecialProjection {
     /// Recognises a photo that no pinhole camera takes; `None` for all others.
@@ -135,7 +133,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::{read_photo, read_radiance};
-    use lo_testdata::{asset, panoramas, shared_data};
+    use lo_testdata::{real_panoramas, real_photos, shared_data};
 
     fn texture(x: usize, y: usize) -> [u8; 3] {
         [(60 + (x * 3 + y) % 120) as u8, (50 + (y * 5) % 100) as u8, 90]
@@ -178,12 +176,7 @@ mod tests {
 
     #[test]
     fn real_panoramas_are_recognised() {
-        let mut files = vec![panoramas().join("lebombo_256.hdr")];
-        for folder in ["hdr", "hdr_more", "hdr_extra"] {
-            let Some(folder) = shared_data(folder, "projection of real panoramas") else { continue };
-            let all = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
-            files.extend(all.filter(|file| file.extension().is_some_and(|e| e == "hdr" || e == "exr")));
-        }
+        let files = real_panoramas(&["hdr", "hdr_more", "hdr_extra"], "projection of real panoramas");
         let missed = files.iter().filter(|file| {
             let panorama = read_radiance(file).unwrap();
             let mut values: Vec<f32> = panorama.pixels().iter().map(|&rgb| luminance(rgb)).collect();
@@ -198,16 +191,7 @@ mod tests {
 
     #[test]
     fn real_photos_are_ordinary_and_the_samples_are_not() {
-        let mut photos = vec![asset("library_color.jpg")];
-        for folder in ["rgbd", "rgbd_more", "photos_more"] {
-            let Some(folder) = shared_data(folder, "projection of real photos") else { continue };
-            let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
-            photos.extend(files.filter(|file| {
-                let name = file.file_name().unwrap().to_string_lossy().into_owned();
-                !name.contains("depth") && (name.ends_with(".jpg") || name.ends_with(".png"))
-            }));
-        }
-        for file in photos {
+        for file in real_photos("projection of real photos") {
             let image = read_photo(&file).unwrap().photo.into_srgb8();
             // also cropped to 2 : 1
             let (width, height) = (image.width(), image.width() / 2);

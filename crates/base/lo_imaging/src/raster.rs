@@ -11,8 +11,8 @@ use crate::jpeg::JpegSegments;
 use crate::raster_decoder::{decoder, invalid, orientation, samples};
 use crate::source_color::{self, SourceColor};
 use crate::{
-    ColorProfile, Format, GainMap, Image, ImageError, PartialPanorama, Photo, PhotoEncoding, PhotoFile, PhotoNote,
-    RadianceImage, cmyk, gain_map_read, truncated, xmp,
+    ColorProfile, EncodedPhoto, Format, GainMap, Image, ImageError, PartialPanorama, Photo, PhotoEncoding, PhotoFile,
+    PhotoNote, RadianceImage, cmyk, gain_map_read, truncated, xmp,
 };
 
 /// Decodes 8-bit RGBA, upright. Colour profiles are ignored: glTF's textures are sRGB.
@@ -94,7 +94,7 @@ pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
     if let Photo::Encoded8(encoded) = &photo
         && encoded.encoding.gain_map.is_some()
     {
-        notes.push(gain_note(&encoded.radiance()));
+        notes.push(gain_note(encoded));
     }
     Ok(PhotoFile { focal, exposure, notes, panorama, ..PhotoFile::new(photo) })
 }
@@ -118,15 +118,16 @@ fn oriented(map: GainMap, orientation: Orientation) -> GainMap {
     GainMap { image: Image::new(width, height, pixels_of(turned.into_rgb8().into_raw())), ..map }
 }
 
-/// Measures how much the gain map brightens a photo, given its radiance.
-fn gain_note(radiance: &RadianceImage) -> PhotoNote {
-    let brightest = |p: &[f32; 3]| p.iter().fold(0.0f32, |a, &b| a.max(b));
-    let (above, most) = radiance
-        .pixels()
+/// Measures how much the gain map brightens a photo.
+fn gain_note(photo: &EncodedPhoto) -> PhotoNote {
+    let pixels = photo.image.pixels();
+    let (above, most) = pixels
         .par_iter()
-        .map(|p| (usize::from(brightest(p) > 1.0), brightest(p)))
+        .enumerate()
+        .map(|(index, &pixel)| photo.radiance_of(pixel, index).into_iter().fold(0.0f32, f32::max))
+        .map(|brightest| (usize::from(brightest > 1.0), brightest))
         .reduce(|| (0, 1.0), |a, b| (a.0 + b.0, a.1.max(b.1)));
-    PhotoNote::GainMap { share: above as f64 / radiance.pixels().len() as f64, stops: most.log2() }
+    PhotoNote::GainMap { share: above as f64 / pixels.len() as f64, stops: most.log2() }
 }
 
 /// Combines pixels with their colour space. 8-bit images stay as they are, deeper ones become linear light; float TIFF
@@ -141,7 +142,7 @@ fn combine(decoded: DynamicImage, color: SourceColor, metadata: Metadata) -> Pho
         let profile = match color {
             SourceColor::Profile(profile) => Some(*profile),
             SourceColor::Hdr(profile, scale) => {
-                return Photo::Linear(hdr(&image.map(|p| p.map(|v| u16::from(v) * 257)), &profile, scale));
+                return Photo::Linear(linear16(&image.map(|p| p.map(|v| u16::from(v) * 257)), &profile, scale));
             }
             SourceColor::Table(table) => {
                 let padded: Vec<[u8; 4]> = image.pixels().iter().map(|&[r, g, b]| [r, g, b, 255]).collect();
@@ -168,8 +169,8 @@ fn combine(decoded: DynamicImage, color: SourceColor, metadata: Metadata) -> Pho
         _ => {
             let image = Image::new(width, height, pixels_of::<u16, 3>(decoded.into_rgb16().into_raw()));
             Photo::Linear(match color {
-                SourceColor::Profile(profile) => hdr(&image, &profile, 1.0),
-                SourceColor::Hdr(profile, scale) => hdr(&image, &profile, scale),
+                SourceColor::Profile(profile) => linear16(&image, &profile, 1.0),
+                SourceColor::Hdr(profile, scale) => linear16(&image, &profile, scale),
                 SourceColor::Srgb | SourceColor::Table(_) => {
                     let table: Vec<f32> = (0..=u16::MAX).map(|v| linear_from_srgb(f32::from(v) / 65535.0)).collect();
                     by_pixel(&image, |p| p.map(|v| table[usize::from(v)]))
@@ -179,8 +180,8 @@ fn combine(decoded: DynamicImage, color: SourceColor, metadata: Metadata) -> Pho
     }
 }
 
-/// Converts 16-bit values to linear light.
-fn hdr(image: &Image<[u16; 3]>, profile: &ColorProfile, scale: f32) -> RadianceImage {
+/// Converts 16-bit values to linear light, times `scale`.
+fn linear16(image: &Image<[u16; 3]>, profile: &ColorProfile, scale: f32) -> RadianceImage {
     let tables = profile.tables16();
     by_pixel(image, |p| {
         let linear = [0, 1, 2].map(|c| tables[c][usize::from(p[c])]);

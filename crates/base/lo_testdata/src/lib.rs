@@ -36,6 +36,38 @@ pub fn shared_data(path: &str, untested: &str) -> Option<PathBuf> {
     None
 }
 
+/// Returns all real photos: the repository's, and those beside the checkout.
+///
+/// # Panics
+/// If a folder cannot be read.
+pub fn real_photos(untested: &str) -> Vec<PathBuf> {
+    let is_photo = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        !name.contains("depth") && (name.ends_with(".jpg") || name.ends_with(".png"))
+    };
+    let mut photos = vec![asset("library_color.jpg")];
+    photos.extend(files_of(&["rgbd", "rgbd_more", "photos_more"], untested).filter(is_photo));
+    photos
+}
+
+/// Returns real HDR panoramas: the repository's, and those in `folders` beside the checkout.
+///
+/// # Panics
+/// If a folder cannot be read.
+pub fn real_panoramas(folders: &[&str], untested: &str) -> Vec<PathBuf> {
+    let is_panorama = |path: &PathBuf| path.extension().is_some_and(|e| e == "hdr" || e == "exr");
+    let mut panoramas = vec![panoramas().join("lebombo_256.hdr")];
+    panoramas.extend(files_of(folders, untested).filter(is_panorama));
+    panoramas
+}
+
+/// Lists the files of folders beside the checkout.
+fn files_of(folders: &[&str], untested: &str) -> impl Iterator<Item = PathBuf> {
+    let folders = folders.iter().filter_map(move |folder| shared_data(folder, untested));
+    let entries = folders.flat_map(|folder| std::fs::read_dir(folder).expect("a folder of test data can be read"));
+    entries.map(|entry| entry.expect("a file of test data can be listed").path())
+}
+
 /// Root of the checkout.
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..").canonicalize().expect("the crate is inside its checkout")

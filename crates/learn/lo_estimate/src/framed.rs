@@ -2,7 +2,7 @@
 
 use lo_events::{OnEvent, warn};
 use lo_geometry::Camera;
-use lo_imaging::{BlackBars, DepthMap, Image, Photo};
+use lo_imaging::{BlackBars, DepthMap, Photo};
 use lo_scene::Frame;
 
 use crate::{EstimateError, EstimateWarning, Input, PredictedDepth};
@@ -29,17 +29,18 @@ impl FramedPhoto {
         let Some((bars, inner)) = picture else { return Ok((input, None)) };
         warn(on_event, EstimateWarning::BlackBars { bars })?;
         let framed = Self { bars, photo: photo.clone(), camera: *camera };
+        let size = [photo.width(), photo.height()];
         let frame = |frame: Frame| Frame {
             camera: inner,
             photo: bars.cropped(&frame.photo),
-            depth_m: framed.cropped(&frame.depth_m),
+            depth_m: bars.cropped_map(&frame.depth_m, size),
             exposure: frame.exposure,
         };
         let input = match input {
             Input::Photo { photo, .. } => Input::Photo { photo: bars.cropped(&photo), camera: inner },
             Input::MeasuredDepth(whole) => Input::MeasuredDepth(frame(whole)),
             Input::PredictedDepth(PredictedDepth { frame: whole, normals, model }) => {
-                let normals = normals.map(|normals| framed.cropped(&normals));
+                let normals = normals.map(|normals| bars.cropped_map(&normals, size));
                 Input::PredictedDepth(PredictedDepth { frame: frame(whole), normals, model })
             }
             several => several,
@@ -68,22 +69,5 @@ impl FramedPhoto {
             x.zip(y).map_or(0.0, |at| inner[at])
         });
         Frame { camera, photo, depth_m, exposure: picture.exposure }
-    }
-
-    /// Crops a map of the photo's view, at its own resolution, to the picture.
-    fn cropped<T: Copy>(&self, map: &Image<T>) -> Image<T> {
-        let BlackBars { left, top, right, bottom } = self.bars;
-        let axis = |count: usize, size: usize, start: usize, end: usize| {
-            let inner = size - start - end;
-            let cropped = ((count * inner) as f64 / size as f64).round().max(1.0) as usize;
-            let index = move |at: usize| {
-                let place = start as f64 + (at as f64 + 0.5) * inner as f64 / cropped as f64;
-                ((place * count as f64 / size as f64) as usize).min(count - 1)
-            };
-            (cropped, index)
-        };
-        let (columns, column) = axis(map.width(), self.photo.width(), left, right);
-        let (rows, row) = axis(map.height(), self.photo.height(), top, bottom);
-        Image::from_fn(columns, rows, |x, y| map[(column(x), row(y))])
     }
 }

@@ -79,7 +79,7 @@ impl PreparedInput {
 
     /// Compares given depth with the own network's, and warns if they contradict each other.
     ///
-    /// The same pass of the network predicts global light and the camera's orientation, which are kept.
+    /// The network predicts global light and the camera's orientation in the same pass; both are kept.
     fn compare_depth(&mut self, networks: &Networks, on_event: OnEvent<'_>) -> Result<(), EstimateError> {
         let predict = || networks.predict(&self.working.photo.srgb8(), &self.frame.camera);
         let PhotoPrediction { depth_m, light, perspective } = stage(on_event, stages::DEPTH_AND_GLOBAL_LIGHT, predict)?;

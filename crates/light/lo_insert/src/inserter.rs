@@ -94,7 +94,7 @@ impl Inserter {
         let field = |side| ShadowField::new(surfaces.resampled(&clean, side), up, floor, &counts);
         let (coarse, fine) = (field(counts.coarse_shadow_side), field(counts.shadow_side));
         Ok(Self {
-            bars: BlackBars::of(&scene.frame.photo),
+            bars: scene.black_bars(),
             distorted: scene
                 .distorted
                 .as_ref()

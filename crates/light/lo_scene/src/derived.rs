@@ -1,7 +1,7 @@
 use std::sync::OnceLock;
 
 use lo_geometry::Vec3;
-use lo_imaging::Image;
+use lo_imaging::{BlackBars, Image};
 
 use crate::Frame;
 
@@ -9,6 +9,7 @@ use crate::Frame;
 /// ignore it.
 #[derive(Debug, Default)]
 pub struct Derived {
+    pub(crate) black_bars: OnceLock<Option<BlackBars>>,
     pub(crate) surface: OnceLock<Frame>,
     pub(crate) surface_normals: OnceLock<Image<Option<Vec3>>>,
 }

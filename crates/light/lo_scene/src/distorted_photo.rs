@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use lo_geometry::{Camera, Distortion};
-use lo_imaging::{EncodedPhoto, Image, Photo, PhotoEncoding};
+use lo_imaging::{EncodedPhoto, Image, Photo};
 use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
@@ -67,7 +67,7 @@ pub(crate) fn read(
         (Photo::Srgb8(_) | Photo::Encoded8(_), Dtype::U8) if shape == size => {
             let image = Image::new(width, height, bytes.as_chunks().0.to_vec());
             match undistorted {
-                Photo::Encoded8(EncodedPhoto { encoding, .. }) => Photo::encoded8(image, without_gain_map(encoding)),
+                Photo::Encoded8(EncodedPhoto { encoding, .. }) => Photo::encoded8(image, encoding.with_gain_map(None)),
                 _ => Photo::Srgb8(image),
             }
         }
@@ -80,14 +80,9 @@ impl DistortedPhoto {
     /// Combines a photo with its undistortion. Its gain map is left to the undistorted photo.
     pub fn new(photo: Photo, undistortion: Undistortion) -> Self {
         let photo = match photo {
-            Photo::Encoded8(EncodedPhoto { image, encoding }) => Photo::encoded8(image, without_gain_map(&encoding)),
+            Photo::Encoded8(EncodedPhoto { image, encoding }) => Photo::encoded8(image, encoding.with_gain_map(None)),
             photo => photo,
         };
         Self { photo, undistortion }
     }
-}
-
-fn without_gain_map(encoding: &PhotoEncoding) -> PhotoEncoding {
-    let PhotoEncoding { profile, exif, xmp, .. } = encoding;
-    PhotoEncoding { profile: profile.clone(), gain_map: None, exif: exif.clone(), xmp: xmp.clone() }
 }

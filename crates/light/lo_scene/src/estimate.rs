@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use lo_geometry::Vec3;
-use lo_imaging::Image;
+use lo_imaging::{BlackBars, Image};
 use lo_octree::LightOctree;
 
 use crate::derived::Derived;
@@ -71,6 +71,11 @@ impl Estimate {
     /// Returns the unit vector against gravity, in the world frame; the camera's up if the room is unknown.
     pub fn up(&self) -> Vec3 {
         self.room.as_ref().map_or(Vec3::Y, |room| room.up)
+    }
+
+    /// Returns the black bars of the photo, if there are any. Computed once.
+    pub fn black_bars(&self) -> Option<BlackBars> {
+        *self.derived.black_bars.get_or_init(|| BlackBars::of(&self.frame.photo))
     }
 
     /// Returns the observed surface: the frame at working resolution without flying pixels. Computed once.

@@ -1,7 +1,9 @@
 //! Names of files and objects that read as what they are.
 
-/// Returns whether a character is invisible or changes the order of others: control characters, soft hyphens,
-/// zero-width characters, line separators, marks of writing direction, byte order marks, variation selectors and tags.
+/// Returns whether a character is not displayed itself, or reorders its neighbours.
+///
+/// These are control characters, soft hyphens, zero-width characters, line separators, bidirectional formatting
+/// characters, byte order marks, variation selectors and tags.
 pub fn is_invisible(c: char) -> bool {
     c.is_control()
         || matches!(c,

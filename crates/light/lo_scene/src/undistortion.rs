@@ -1,5 +1,5 @@
 use lo_geometry::{Camera, Distortion};
-use lo_imaging::{DepthMap, EncodedPhoto, GainMap, Image, Photo, PhotoEncoding, linear_from_srgb8, srgb8_from_linear};
+use lo_imaging::{DepthMap, EncodedPhoto, GainMap, Image, Photo, linear_from_srgb8, srgb8_from_linear};
 use rayon::prelude::*;
 
 /// Undoes a lens distortion: a pinhole camera in place of a distorted one, and the images that it takes.
@@ -100,17 +100,10 @@ impl Undistortion {
                 Photo::Srgb8(self.resampled(width, height, mean))
             }
             Photo::Encoded8(EncodedPhoto { image, encoding }) => {
-                let PhotoEncoding { profile, gain_map, exif, xmp } = &**encoding;
                 let code = |at| encoding.code(interpolated(image, at, |p| encoding.linear(p)));
-                let gain_map = gain_map.as_ref().map(|map| {
-                    let (width, height) = (map.image.width(), map.image.height());
-                    let nearest =
-                        |[u, v]: [f64; 2]| map.image[((u as usize).min(width - 1), (v as usize).min(height - 1))];
-                    GainMap { image: self.resampled(width, height, nearest), parameters: map.parameters }
-                });
-                let (profile, exif, xmp) = (profile.clone(), exif.clone(), xmp.clone());
-                let encoding = PhotoEncoding { profile, gain_map, exif, xmp };
-                Photo::encoded8(self.resampled(width, height, code), encoding)
+                let gain_map = encoding.gain_map.as_ref();
+                let gain_map = gain_map.map(|map| GainMap { image: self.nearest(&map.image), ..*map });
+                Photo::encoded8(self.resampled(width, height, code), encoding.with_gain_map(gain_map))
             }
             Photo::Linear(image) => Photo::Linear(self.resampled(width, height, |at| interpolated(image, at, |p| p))),
         }
@@ -119,8 +112,13 @@ impl Undistortion {
     /// Returns the depth that the pinhole camera sees, along the same axis, by nearest neighbour. The map has its own
     /// resolution.
     pub fn depth(&self, depth: &Image<f32>) -> DepthMap {
-        let (width, height) = (depth.width(), depth.height());
-        let nearest = |[u, v]: [f64; 2]| depth[((u as usize).min(width - 1), (v as usize).min(height - 1))];
+        self.nearest(depth)
+    }
+
+    /// Resamples a map of any resolution by nearest neighbour.
+    fn nearest<T: Copy + Send + Sync>(&self, map: &Image<T>) -> Image<T> {
+        let (width, height) = (map.width(), map.height());
+        let nearest = |[u, v]: [f64; 2]| map[((u as usize).min(width - 1), (v as usize).min(height - 1))];
         self.resampled(width, height, nearest)
     }
 

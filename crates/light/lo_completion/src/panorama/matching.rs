@@ -9,6 +9,7 @@ use lo_scene::{ObservedPhoto, PanoramaSource};
 use rayon::prelude::*;
 
 use super::observed_rays::{ObservedRays, ObservedTexel};
+use super::prior::shares;
 use super::{PanoramaPrior, PanoramaWarning};
 
 /// Matches below this confidence cause a warning. On rooms of seed 778 all but 6 % of other rooms' panoramas are below
@@ -273,7 +274,7 @@ impl MatchLevel {
         let weights = (0..rows).map(|y| lo_geometry::pixel_solid_angle_sr(y, columns, rows));
         let weights = weights.flat_map(|weight| std::iter::repeat_n(weight, columns));
         let covered = prior.covered().map(|mask| {
-            let missing = mask.map(|&covered| [f32::from(u8::from(!covered)); 3]);
+            let missing = shares(&mask.map(|covered| !covered));
             resize_equirectangular(&missing, columns, columns / 2).map(|share| share[0] == 0.0)
         });
         let shown = |index: usize| covered.as_ref().is_none_or(|mask| mask.pixels()[index]);

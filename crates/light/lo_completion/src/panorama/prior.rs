@@ -144,8 +144,7 @@ impl PanoramaPrior {
         }
         // Masks are reoriented as radiance is: any mixture with a clipped pixel is clipped.
         let turn = |image: &RadianceImage| reorient(image, orientation, Orientation::Lightoctree);
-        let clipped = clipped
-            .map(|mask| turn(&mask.map(|&clipped| [f32::from(u8::from(clipped)); 3])).map(|pixel| pixel[0] > 0.0));
+        let clipped = clipped.map(|mask| turn(&shares(&mask)).map(|pixel| pixel[0] > 0.0));
         let radiance = turn(&radiance);
         let (position_m, file, covered) = (Vec3::ZERO, file.to_owned(), None);
         Ok(Self { radiance, clipped, covered, cleaned, position_m, yaw_rad: None, exposure: None, file })
@@ -153,8 +152,7 @@ impl PanoramaPrior {
 
     /// Restricts the panorama to the pixels of a mask, which has the file's orientation. Others light nothing.
     fn restricted(self, covered: &Image<bool>, orientation: Orientation) -> Self {
-        let missing = covered.map(|&covered| [f32::from(u8::from(!covered)); 3]);
-        let missing = reorient(&missing, orientation, Orientation::Lightoctree);
+        let missing = reorient(&shares(&covered.map(|covered| !covered)), orientation, Orientation::Lightoctree);
         Self { covered: Some(missing.map(|share| share[0] == 0.0)), ..self }
     }
 
@@ -260,6 +258,11 @@ impl PanoramaPrior {
         }
         Ok(())
     }
+}
+
+/// Returns a mask as an image of shares, 1 where it is set, to be resampled like radiance.
+pub(super) fn shares(mask: &Image<bool>) -> RadianceImage {
+    mask.map(|&is_set| [f32::from(u8::from(is_set)); 3])
 }
 
 /// Places a part of a panorama on the full sphere, whose other pixels are 0. The part may have been resized.

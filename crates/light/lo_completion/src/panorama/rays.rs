@@ -4,6 +4,7 @@ use lo_geometry::{Mat3, Vec2, Vec3, direction_from_uv, pixel_solid_angle_sr};
 use lo_imaging::{Image, RadianceImage, luminance, resize_equirectangular};
 
 use super::matching::weighted_median;
+use super::prior::shares;
 use super::{PanoramaMatch, PanoramaPrior};
 
 /// Luminance ratio of adjacent pixels above which they are not blended, so that lamps keep their edges and peaks.
@@ -46,11 +47,11 @@ impl Rays {
         let smaller = |image: &RadianceImage| resize_equirectangular(image, columns, columns / 2);
         let radiance = if fine { smaller(prior.radiance()) } else { prior.radiance().clone() };
         let clipped = prior.clipped().map(|mask| {
-            let mask = mask.map(|&clipped| [f32::from(u8::from(clipped)); 3]);
+            let mask = shares(mask);
             if fine { smaller(&mask) } else { mask }.map(|share| share[0] > 0.25)
         });
         let missing = prior.covered().map(|mask| {
-            let mask = mask.map(|&covered| [f32::from(u8::from(!covered)); 3]);
+            let mask = shares(&mask.map(|covered| !covered));
             if fine { smaller(&mask) } else { mask }.map(|share| share[0] > 0.0)
         });
         let is_missing = |x: usize, y: usize| missing.as_ref().is_some_and(|mask| mask[(x, y)]);
