@@ -220,6 +220,11 @@ fn pictures(folder: &Path) -> Result {
     save("rgb.ppm", rgb.into(), ImageFormat::Pnm)?;
     save("depth16.pgm", deep_grey.into(), ImageFormat::Pnm)?;
 
+    for name in ["display_p3.heic", "pq.heic"] {
+        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/base/lo_imaging/tests/files").join(name);
+        std::fs::copy(from, folder.join(name))?;
+    }
+
     use tiff::encoder::{Compression, TiffEncoder, colortype};
     for (name, compression) in [
         ("float.tif", Compression::Uncompressed),

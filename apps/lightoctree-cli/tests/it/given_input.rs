@@ -152,7 +152,6 @@ fn photos_and_lenses_as_people_have_them() {
         assert!(!success && says.iter().all(|text| notes.contains(text)), "{photo} {more:?}: {notes}");
     };
     refused("fisheye_circular.jpg", &[], &["circular fisheye", "--hfov-deg", "fisheye_circular.jpg"]);
-    refused("photo.heic", &[], &["HEIC", "heif-convert"]);
     refused("photo.avif", &[], &["AVIF", "avifdec"]);
     refused("pano_gpano_cropped.jpg", &[], &["panorama"]);
     refused("phone_pano_180.jpg", &[], &["panorama", "--hfov-deg"]);

@@ -82,8 +82,11 @@ impl ColorProfile {
             matrix_coefficients: moxcms::MatrixCoefficients::Identity,
             full_range: true,
         };
-        let profile = IccProfile::new_from_cicp(cicp);
+        let mut profile = IccProfile::new_from_cicp(cicp);
         profile.red_trc.as_ref()?;
+        if profile.description.is_none() {
+            profile.description = Some(english(format!("ITU-T H.273 primaries {primaries}, transfer {transfer}")));
+        }
         Self::encoded(&profile)
     }
 
@@ -91,8 +94,7 @@ impl ColorProfile {
     pub(crate) fn from_gamma(gamma: Option<f32>, primaries: Option<[[f32; 2]; 4]>) -> Option<Self> {
         let mut profile = IccProfile::new_srgb();
         profile.cicp = None;
-        let name = LocalizableString::new("en".to_owned(), "US".to_owned(), "gamma and primaries of a PNG".to_owned());
-        profile.description = Some(ProfileText::Localizable(vec![name]));
+        profile.description = Some(english("gamma and primaries of a PNG".to_owned()));
         if let Some(gamma) = gamma {
             let curve = || Some(curve_from_gamma(gamma));
             (profile.red_trc, profile.green_trc, profile.blue_trc) = (curve(), curve(), curve());
@@ -255,6 +257,10 @@ impl TableProfile {
 fn white_to_white(matrix: Matrix3d) -> Option<[[f32; 3]; 3]> {
     let rows = matrix.v.map(|row| row.map(|v| (v / row.iter().sum::<f64>()) as f32));
     rows.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e3).then_some(rows)
+}
+
+fn english(text: String) -> ProfileText {
+    ProfileText::Localizable(vec![LocalizableString::new("en".to_owned(), "US".to_owned(), text)])
 }
 
 fn description(text: &moxcms::ProfileText) -> String {

@@ -18,6 +18,8 @@ pub enum Format {
     Gif,
     /// PBM, PGM, PPM, PAM.
     Pnm,
+    /// HEIC and HEIF, with HEVC.
+    Heic,
     /// Radiance RGBE (`.hdr`, `.pic`).
     Hdr,
     /// OpenEXR.
@@ -41,6 +43,7 @@ impl Format {
             _ if starts(b"II*\0") || starts(b"MM\0*") || starts(b"II+\0") || starts(b"MM\0+") => Self::Tiff,
             _ if starts(b"BM") => Self::Bmp,
             _ if starts(b"GIF8") => Self::Gif,
+            [_, _, _, _, b'f', b't', b'y', b'p', ..] => Self::Heic,
             _ if starts(b"#?") => Self::Hdr,
             _ if starts(&[0x76, 0x2f, 0x31, 0x01]) => Self::Exr,
             _ if starts(b"\x93NUMPY") => Self::Npy,
@@ -61,6 +64,7 @@ impl Format {
             "bmp" => Self::Bmp,
             "gif" => Self::Gif,
             "pnm" | "pbm" | "pgm" | "ppm" | "pam" => Self::Pnm,
+            "heic" | "heif" | "hif" => Self::Heic,
             "hdr" | "pic" | "rgbe" => Self::Hdr,
             "exr" => Self::Exr,
             "pfm" => Self::Pfm,
@@ -86,6 +90,7 @@ impl fmt::Display for Format {
             Self::Bmp => "BMP",
             Self::Gif => "GIF",
             Self::Pnm => "PNM",
+            Self::Heic => "HEIC",
             Self::Hdr => "Radiance HDR",
             Self::Exr => "OpenEXR",
             Self::Pfm => "PFM",

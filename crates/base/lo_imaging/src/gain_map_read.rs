@@ -84,7 +84,7 @@ fn from_xmp(xmp: &Xmp<'_>) -> Result<GainMapParameters, &'static str> {
 }
 
 /// Reads the binary parameters of ISO 21496-1, annex C.2.
-fn from_iso(bytes: &[u8]) -> Result<GainMapParameters, &'static str> {
+pub(crate) fn from_iso(bytes: &[u8]) -> Result<GainMapParameters, &'static str> {
     const SHORT: &str = "its parameters are cut off";
     let mut rest = bytes;
     let mut take = |count: usize| -> Result<&[u8], &'static str> {

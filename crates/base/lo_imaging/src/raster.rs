@@ -10,33 +10,64 @@ use crate::exif::{FocalLength, PhotoExposure, is_adobe_rgb};
 use crate::jpeg::JpegSegments;
 use crate::raster_decoder::{decoder, invalid, orientation, samples};
 use crate::source_color::{self, SourceColor};
+use crate::stored_photo::StoredPhoto;
 use crate::{
     ColorProfile, EncodedPhoto, Format, GainMap, Image, ImageError, PartialPanorama, Photo, PhotoEncoding, PhotoFile,
-    PhotoNote, RadianceImage, cmyk, gain_map_read, truncated, xmp,
+    PhotoNote, RadianceImage, cmyk, gain_map_read, heic, truncated, xmp,
 };
 
 /// Decodes 8-bit RGBA, upright. Colour profiles are ignored: glTF's textures are sRGB.
 pub(crate) fn rgba8(source: EncodedImage) -> Result<Image<[u8; 4]>, ImageError> {
-    let decoded = samples(source)?;
+    let decoded = match source.format {
+        Format::Heic => heic::samples(source)?,
+        _ => samples(source)?,
+    };
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     Ok(Image::new(width, height, pixels_of(decoded.into_rgba8().into_raw())))
 }
 
 /// Decodes a photo with its colour space, gain map and metadata, upright.
 pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
+    let mut notes = Vec::new();
+    let StoredPhoto { pixels, color, mut exif, xmp, gain_map } = match source.format {
+        Format::Heic => heic::photo(source, &mut notes)?,
+        _ => stored(source, &mut notes)?,
+    };
+    let focal = exif.as_deref().map(FocalLength::from_exif).unwrap_or_default();
+    let exposure = exif.as_deref().map(PhotoExposure::from_exif).unwrap_or_default();
+    if let Some(exif) = &mut exif {
+        let _ = Orientation::remove_from_exif_chunk(exif);
+    }
+    let panorama = match xmp.as_deref().and_then(PartialPanorama::from_xmp) {
+        Some(Err(reason)) => {
+            notes.push(PhotoNote::UnusablePanorama { reason });
+            None
+        }
+        place => place.and_then(Result::ok),
+    };
+    let xmp = xmp.map(xmp::with_upright_orientation).unwrap_or_default();
+    let metadata = Metadata { exif: exif.unwrap_or_default(), xmp, gain_map };
+    let photo = combine(pixels, color, metadata);
+    if let Photo::Encoded8(encoded) = &photo
+        && encoded.encoding.gain_map.is_some()
+    {
+        notes.push(gain_note(encoded));
+    }
+    Ok(PhotoFile { focal, exposure, notes, panorama, ..PhotoFile::new(photo) })
+}
+
+/// Reads what a file of the crate `image` states.
+fn stored(source: EncodedImage, notes: &mut Vec<PhotoNote>) -> Result<StoredPhoto, ImageError> {
     let mut decoder = decoder(source)?;
     // unreadable metadata must not fail the image
-    let mut exif = decoder.exif_metadata().ok().flatten();
-    let xmp_packet = decoder.xmp_metadata().ok().flatten();
+    let exif = decoder.exif_metadata().ok().flatten();
+    let xmp = decoder.xmp_metadata().ok().flatten();
     let icc = match source.format {
         // `image` 0.25.10 does not find it
         Format::Tiff => source_color::icc_of_tiff(source.bytes),
         _ => decoder.icc_profile().ok().flatten(),
     };
     let orientation = orientation(&mut decoder, exif.as_deref());
-    let focal = exif.as_deref().map(FocalLength::from_exif).unwrap_or_default();
-    let exposure = exif.as_deref().map(PhotoExposure::from_exif).unwrap_or_default();
-    let mut notes = Vec::new();
     let stated = source_color::of(source, icc.as_deref(), exif.as_deref().is_some_and(is_adobe_rgb));
     let mut color = stated.unwrap_or_else(|reason| {
         notes.push(PhotoNote::UnusableProfile { reason });
@@ -78,25 +109,7 @@ pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
         }
     });
     decoded.apply_orientation(orientation);
-    if let Some(exif) = &mut exif {
-        let _ = Orientation::remove_from_exif_chunk(exif);
-    }
-    let panorama = match xmp_packet.as_deref().and_then(PartialPanorama::from_xmp) {
-        Some(Err(reason)) => {
-            notes.push(PhotoNote::UnusablePanorama { reason });
-            None
-        }
-        place => place.and_then(Result::ok),
-    };
-    let xmp = xmp_packet.map(xmp::with_upright_orientation).unwrap_or_default();
-    let metadata = Metadata { exif: exif.unwrap_or_default(), xmp, gain_map };
-    let photo = combine(decoded, color, metadata);
-    if let Photo::Encoded8(encoded) = &photo
-        && encoded.encoding.gain_map.is_some()
-    {
-        notes.push(gain_note(encoded));
-    }
-    Ok(PhotoFile { focal, exposure, notes, panorama, ..PhotoFile::new(photo) })
+    Ok(StoredPhoto { pixels: decoded, color, exif, xmp, gain_map })
 }
 
 /// Most of a cut-off picture that may be missing.

@@ -46,7 +46,7 @@ pub(crate) fn icc_of_tiff(bytes: &[u8]) -> Option<Vec<u8>> {
     decoder.get_tag_u8_vec(tiff::tags::Tag::IccProfile).ok()
 }
 
-fn of_icc(icc: &[u8]) -> Result<SourceColor, &'static str> {
+pub(crate) fn of_icc(icc: &[u8]) -> Result<SourceColor, &'static str> {
     if icc.len() > MAX_PROFILE_BYTES {
         return Err("it is too large");
     }
@@ -55,6 +55,19 @@ fn of_icc(icc: &[u8]) -> Result<SourceColor, &'static str> {
         Some(IccKind::Table(table)) => Ok(SourceColor::Table(table)),
         None => Err("it is damaged or of an unsupported kind"),
     }
+}
+
+/// Returns the colour space of code points of ITU-T H.273, `None` for reserved ones.
+pub(crate) fn of_code_points(primaries: u8, transfer: u8) -> Option<SourceColor> {
+    if (primaries, transfer) == (1, 13) {
+        return Some(SourceColor::Srgb);
+    }
+    let profile = Box::new(ColorProfile::from_code_points(primaries, transfer)?);
+    Some(match transfer {
+        16 => SourceColor::Hdr(profile, PQ_SCALE),
+        18 => SourceColor::Hdr(profile, HLG_SCALE),
+        _ => SourceColor::Profile(profile),
+    })
 }
 
 fn profile(profile: Option<ColorProfile>) -> SourceColor {
@@ -70,13 +83,8 @@ fn of_png(source: EncodedImage) -> Result<SourceColor, &'static str> {
     let Ok(reader) = decoder.read_info() else { return Ok(SourceColor::Srgb) };
     let info = reader.info();
     if let Some(points) = info.coding_independent_code_points {
-        let code_points = ColorProfile::from_code_points(points.color_primaries, points.transfer_function);
-        let profile = code_points.ok_or("its code points (cICP) are reserved")?;
-        return Ok(match points.transfer_function {
-            16 => SourceColor::Hdr(Box::new(profile), PQ_SCALE),
-            18 => SourceColor::Hdr(Box::new(profile), HLG_SCALE),
-            _ => SourceColor::Profile(Box::new(profile)),
-        });
+        let color = of_code_points(points.color_primaries, points.transfer_function);
+        return color.ok_or("its code points (cICP) are reserved");
     }
     if let Some(icc) = &info.icc_profile {
         return of_icc(icc);

@@ -10,12 +10,6 @@ pub(crate) struct Unreadable {
     pub way_out: &'static str,
 }
 
-const HEIC: Unreadable = Unreadable {
-    format: "HEIC",
-    way_out: "export it as JPEG, or convert it: `sips -s format jpeg in.heic --out out.jpg` (macOS), `heif-convert \
-              in.heic out.jpg` (libheif)",
-};
-
 const AVIF: Unreadable = Unreadable {
     format: "AVIF",
     way_out: "convert it: `avifdec in.avif out.png` (libavif) or `ffmpeg -i in.avif out.png`",
@@ -49,7 +43,8 @@ pub(crate) fn recognise(bytes: &[u8], name: &str) -> Option<Unreadable> {
     let is_tiff = starts(b"II*\0") || starts(b"MM\0*");
     match brand {
         Some(b"avif" | b"avis") => return Some(AVIF),
-        Some(b"heic" | b"heix" | b"heim" | b"heis" | b"hevc" | b"hevx" | b"mif1" | b"msf1") => return Some(HEIC),
+        Some(b"mif1" | b"mif2" | b"msf1") if is_compatible(bytes, b"avif") => return Some(AVIF),
+        Some(b"heic" | b"heix" | b"heim" | b"heis" | b"hevc" | b"hevx" | b"mif1" | b"mif2" | b"msf1") => return None,
         Some(b"crx ") => return Some(RAW),
         Some(_) => return Some(VIDEO),
         None => {}
@@ -72,6 +67,12 @@ pub(crate) fn recognise(bytes: &[u8], name: &str) -> Option<Unreadable> {
     })
 }
 
+/// Whether the list of brands at the start of an ISO base media file has one.
+fn is_compatible(bytes: &[u8], brand: &[u8; 4]) -> bool {
+    let size = bytes.first_chunk().map_or(0, |&size| u32::from_be_bytes(size) as usize);
+    bytes[..size.min(bytes.len())].as_chunks().0.iter().skip(4).any(|listed| listed == brand)
+}
+
 /// Extensions of camera raw files with the structure of TIFF.
 const RAW_EXTENSIONS: [&str; 10] = ["dng", "nef", "nrw", "arw", "sr2", "cr2", "pef", "srw", "3fr", "iiq"];
 
@@ -90,9 +91,8 @@ mod tests {
     fn formats_are_named_with_a_way_out() {
         let ftyp = |brand: &str| format!("\0\0\0\x18ftyp{brand}\0\0\0\0").into_bytes();
         for (bytes, name, expected) in [
-            (ftyp("heic"), "a.jpg", "HEIC"),
-            (ftyp("mif1"), "a.heic", "HEIC"),
             (ftyp("avif"), "a", "AVIF"),
+            (b"\0\0\0\x18ftypmif1\0\0\0\0heicavif".to_vec(), "a.heif", "AVIF"),
             (ftyp("qt  "), "a.mov", "video"),
             (vec![0xff, 0x0a, 0, 0], "a.jxl", "JPEG XL"),
             (b"II*\0\x08\0\0\0".to_vec(), "a.NEF", "camera raw"),
@@ -103,6 +103,7 @@ mod tests {
             assert!(error.contains(expected) && error.contains(name), "{error}");
         }
         assert!(recognise(b"II*\0\x08\0\0\0", "a.tif").is_none());
+        assert!(recognise(&ftyp("heic"), "a.heic").is_none() && recognise(&ftyp("mif1"), "a.heic").is_none());
         assert!(recognise(b"\x89PNG\r\n\x1a\n", "a.png").is_none());
     }
 }

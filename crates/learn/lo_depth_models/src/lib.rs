@@ -7,6 +7,7 @@
 mod config;
 mod error;
 mod facts;
+mod integer_products;
 mod model;
 mod onnx;
 mod plan;

@@ -5,14 +5,13 @@
 
 use std::collections::{HashMap, HashSet, VecDeque};
 
-use crate::ModelError;
 use crate::facts::{Fact, Inputs, Known};
 use crate::onnx::{
     AttributeValue, Data, Dim, Element, Graph, MAX_DIM, MAX_NESTING, MAX_NODES, MAX_RANK, Node, Tensor, inlined_branch,
     product,
 };
-use crate::resize;
 use crate::shapes::{shape_range, shapes};
+use crate::{ModelError, integer_products, resize};
 
 /// Largest memory of a run, for weights and values.
 const MAX_RUN_BYTES: u64 = 1_900_000_000;
@@ -60,6 +59,7 @@ pub(crate) fn plan(
         tensors: Vec::new(),
         branches: 0,
         products: 0.0,
+        in_floats: integer_products::saturate(),
     };
     let mut inputs = Vec::new();
     for input in &graph.inputs {
@@ -160,6 +160,8 @@ struct Planner<'a> {
     tensors: Vec<Tensor>,
     branches: usize,
     products: f64,
+    /// Whether integers are multiplied in single precision.
+    in_floats: bool,
 }
 
 impl Planner<'_> {
@@ -225,6 +227,12 @@ impl Planner<'_> {
                 }
                 return nodes.iter().try_for_each(|node| self.node(node, depth));
             }
+        }
+        if self.in_floats
+            && let Some((nodes, tensors)) = integer_products::in_floats(node, &inputs)
+        {
+            self.tensors(&tensors)?;
+            return nodes.iter().try_for_each(|node| self.node(node, depth));
         }
         if node.op == "ConvInteger"
             && let Some((pad, pads, conv)) = padded_first(node, &inputs)

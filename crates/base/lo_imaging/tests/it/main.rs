@@ -4,6 +4,7 @@
 mod color;
 mod damaged;
 mod exif;
+mod heic;
 mod numpy;
 mod real_files;
 mod round_trips;
