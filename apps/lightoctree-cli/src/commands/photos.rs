@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use lightoctree::events::EstimateWarning;
 use lightoctree::{Exposures, Input};
-use lo_geometry::Vec3;
+use lo_geometry::{Camera, Vec3};
 use lo_imaging as imaging;
 use lo_imaging::{PhotoExposure, PhotoFile};
 use lo_mirror_ball::stops_from_exif;
@@ -140,8 +140,9 @@ impl PhotosArgs {
                     distorted = Some(Arc::new(DistortedPhoto::new(original, undistortion)));
                 }
                 depth_m = undistortion.depth(&depth_m);
+                let [hfov_deg, pinhole_hfov_deg] = [&undistortion.camera, &camera].map(Camera::hfov_deg);
                 camera = undistortion.camera;
-                stages.warn(&EstimateWarning::Undistorted { hfov_deg: camera.hfov_deg() });
+                stages.warn(&EstimateWarning::Undistorted { hfov_deg, pinhole_hfov_deg });
             }
             stages.note(&format!("{}: horizontal field of view {:.1}° ({source})", path.display(), camera.hfov_deg()));
             let exposure = exposures_ev.as_ref().map_or(1.0, |stops: &Vec<f64>| (-stops[index]).exp2() as f32);

@@ -2,84 +2,11 @@
 
 use std::path::Path;
 
-use lightoctree::events::EstimateWarning;
-use lightoctree::{Document, EstimateOptions, Estimator, Event, Input};
-use lo_geometry::Camera;
-use lo_imaging::{DepthMap, Image, Photo};
-use lo_scene::{Completion, Frame};
+use lightoctree::Document;
+use lo_imaging::{Image, Photo};
 use lo_testdata::{asset, shared_data};
 
 use super::support::done;
-
-/// A photo with measured depth.
-fn frame(photo: &Path, depth: &Path, scale: f64, intrinsics: Option<[f64; 4]>) -> Frame {
-    let photo = lo_imaging::read_photo(photo).unwrap().photo;
-    let depth_m = lo_imaging::read_depth(depth, Some(scale)).unwrap();
-    let (width, height) = (photo.width() as u32, photo.height() as u32);
-    let camera = match intrinsics {
-        Some([fx, fy, cx, cy]) => Camera::new(fx, fy, cx, cy, width, height),
-        None => Camera::from_hfov_deg(71.6, width, height),
-    };
-    Frame::new(photo, depth_m, camera.unwrap(), 1.0).unwrap()
-}
-
-/// All real photos with depth, and their names.
-fn frames() -> Vec<(String, Frame)> {
-    let library = frame(&asset("library_color.jpg"), &asset("library_lidar_depth.png"), 1000.0, None);
-    let mut frames = vec![("library".to_owned(), library)];
-    let Some(folder) = shared_data("rgbd_more", "comparison of real depth maps with the network's") else {
-        return frames;
-    };
-    let list = std::fs::read_to_string(folder.join("frames.json")).unwrap();
-    for entry in super::support::json(&list).as_array().unwrap() {
-        let file = |key: &str| folder.join(entry[key].as_str().unwrap());
-        let intrinsics = std::array::from_fn(|i| entry["intrinsics"][i].as_f64().unwrap());
-        let scale = entry["depth_scale"].as_f64().unwrap();
-        let name = entry["color"].as_str().unwrap().to_owned();
-        frames.push((name, frame(&file("color"), &file("depth"), scale, Some(intrinsics))));
-    }
-    frames
-}
-
-#[test]
-fn real_depth_is_quiet_and_wrong_depth_is_named() {
-    let estimator = Estimator::shipped().unwrap();
-    let options = EstimateOptions { completion: Some(Completion::None), ..EstimateOptions::default() };
-    let warning = |frame: &Frame, change: &dyn Fn(f32) -> f32| {
-        let depth_m: DepthMap = frame.depth_m.map(|&z| if z > 0.0 { change(z) } else { 0.0 });
-        let frame = Frame::new(frame.photo.clone(), depth_m, frame.camera, 1.0).unwrap();
-        let mut found = None;
-        let hear = &mut |event: Event| {
-            let warning = event.warning::<EstimateWarning>();
-            if let Some(EstimateWarning::InverseDepth { .. } | EstimateWarning::DepthScale { .. }) = warning {
-                found = warning.cloned();
-            }
-            std::ops::ControlFlow::Continue(())
-        };
-        estimator.estimate(Input::MeasuredDepth(frame), &options, hear).unwrap();
-        found
-    };
-    let frames = frames();
-    let (mut loud, mut inverse, mut scaled) = (Vec::new(), Vec::new(), Vec::new());
-    for (name, frame) in &frames {
-        loud.extend(warning(frame, &|z| z).map(|warning| format!("{name}: {warning:?}")));
-        let found = warning(frame, &|z| 4.0 / z);
-        if !matches!(found, Some(EstimateWarning::InverseDepth { .. })) {
-            inverse.push(format!("{name}: {found:?}"));
-        }
-        for scale in [5.0, 0.2] {
-            let found = warning(frame, &|z| scale * z);
-            if !matches!(found, Some(EstimateWarning::DepthScale { .. })) {
-                scaled.push(format!("{name} × {scale}: {found:?}"));
-            }
-        }
-    }
-    let count = frames.len();
-    eprintln!("of {count} frames: quiet but inverse {inverse:#?}, quiet but scaled {scaled:#?}");
-    assert!(loud.is_empty(), "{loud:#?}");
-    // A wall seen from the front has no order of depths, and the network's own scale may be off.
-    assert!(10 * inverse.len() <= count && 10 * scaled.len() <= 2 * count, "{inverse:#?} {scaled:#?}");
-}
 
 /// Runs `estimate` on a photo; returns whether it succeeded, and its notes or error.
 fn estimate(photo: &Path, more: &[&str]) -> (bool, String) {

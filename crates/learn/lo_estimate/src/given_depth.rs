@@ -8,8 +8,17 @@ use crate::EstimateWarning;
 /// except by chance on a single flat wall.
 const INVERSE_BELOW: f64 = -0.1;
 
+/// Rank correlation from which a map that fits better mirrored seems to be mirrored. That of right maps is from 0.7 on.
+const MIRRORED_FROM: f64 = 0.7;
+
+/// Smallest difference to that of the map as it is. That of right maps is up to 0.02, where a room is symmetric.
+const MIRRORED_BY: f64 = 0.25;
+
 /// Ratio of given to predicted depth from which the scale seems wrong, and inverse of the smallest.
 const MAX_RATIO: f64 = 3.0;
+
+/// Largest ratio of depths of a map that is constant but for its rounding.
+const CONSTANT: f64 = 1.001;
 
 /// Range of median depths of ordinary photos of rooms, in metres, within which the network's scale is trusted.
 const TYPICAL_M: [f64; 2] = [0.8, 6.0];
@@ -22,14 +31,26 @@ const MIN_COUNT: usize = 64;
 
 /// Compares depth of the same view, in metres and at any resolution.
 ///
-/// Returns a warning if `given_m` decreases where `own_m` increases, or if its scale is far from that of `own_m`.
-/// Returns `None` if they agree, or have too few readings in common.
+/// Returns a warning if `given_m` is constant where `own_m` is not, is mirrored, decreases where `own_m` increases, or
+/// if its scale is far from that of `own_m`. Returns `None` if they agree, or have too few readings in common.
 pub(crate) fn compare(given_m: &DepthMap, own_m: &DepthMap) -> Option<EstimateWarning> {
     let pairs = pairs(given_m, own_m);
     if pairs.len() < MIN_COUNT {
         return None;
     }
+    let range = |side: usize| {
+        let values = pairs.iter().map(|pair| pair[side]);
+        values.fold([f64::INFINITY, 0.0f64], |[least, most], z| [least.min(z), most.max(z)])
+    };
+    let ([least, most], [own_least, own_most]) = (range(0), range(1));
+    if most <= CONSTANT * least && own_most > MAX_RATIO * own_least {
+        return Some(EstimateWarning::ConstantDepth { depth_m: least });
+    }
     let rank_correlation = rank_correlation(&pairs);
+    let mirrored = mirrored_correlation(given_m, own_m);
+    if mirrored > MIRRORED_FROM.max(rank_correlation + MIRRORED_BY).max(-rank_correlation) {
+        return Some(EstimateWarning::MirroredDepth { rank_correlation, mirrored });
+    }
     if rank_correlation < INVERSE_BELOW {
         return Some(EstimateWarning::InverseDepth { rank_correlation });
     }
@@ -39,6 +60,14 @@ pub(crate) fn compare(given_m: &DepthMap, own_m: &DepthMap) -> Option<EstimateWa
     let from_typical = ratio * own_m / own_m.clamp(TYPICAL_M[0], TYPICAL_M[1]);
     let is_wrong = |ratio: f64| !(MAX_RATIO.recip()..=MAX_RATIO).contains(&ratio);
     (is_wrong(ratio) && is_wrong(from_typical)).then_some(EstimateWarning::DepthScale { ratio })
+}
+
+/// Rank correlation of the given map, mirrored from left to right; 0 without enough readings in common.
+fn mirrored_correlation(given_m: &DepthMap, own_m: &DepthMap) -> f64 {
+    let width = given_m.width();
+    let mirrored = DepthMap::from_fn(width, given_m.height(), |x, y| given_m[(width - 1 - x, y)]);
+    let pairs = pairs(&mirrored, own_m);
+    if pairs.len() < MIN_COUNT { 0.0 } else { rank_correlation(&pairs) }
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {
@@ -101,7 +130,13 @@ mod tests {
         assert_eq!(compare(&given, &depth(64, 48)), None);
         // Nothing to compare, and nothing to rank.
         assert_eq!(compare(&given.map(|_| 0.0), &depth(64, 48)), None);
-        assert_eq!(compare(&given.map(|_| 2.0), &depth(64, 48)), None);
+        assert_eq!(compare(&given.map(|_| 2.0), &depth(64, 48).map(|z| 2.0 + 0.1 * z)), None);
+    }
+
+    #[test]
+    fn constant_depth_of_a_room_is_recognised() {
+        let found = compare(&depth(320, 240).map(|_| 2.0), &depth(64, 48));
+        assert_eq!(found, Some(EstimateWarning::ConstantDepth { depth_m: 2.0 }));
     }
 
     #[test]
@@ -113,6 +148,16 @@ mod tests {
             };
             assert!(rank_correlation < -0.99, "{rank_correlation}");
         }
+    }
+
+    #[test]
+    fn mirrored_depth_is_told_from_inverse_depth() {
+        // A floor that rises to the right, with a box.
+        let slanted = DepthMap::from_fn(320, 240, |x, y| depth(320, 240)[(x, y)] * (1.0 + 4.0 * x as f32 / 320.0));
+        let mirrored = DepthMap::from_fn(320, 240, |x, y| slanted[(319 - x, y)]);
+        assert!(matches!(compare(&mirrored, &slanted), Some(EstimateWarning::MirroredDepth { .. })));
+        assert!(matches!(compare(&slanted.map(|z| 1.0 / z), &slanted), Some(EstimateWarning::InverseDepth { .. })));
+        assert_eq!(compare(&slanted, &slanted), None);
     }
 
     #[test]

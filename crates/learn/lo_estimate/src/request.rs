@@ -135,7 +135,8 @@ impl Estimator {
         let PhotoRequest { mut photo, camera, depth, .. } = request;
         let (camera, camera_source) = self.given_or_found_camera(&photo, camera)?;
         let undistortion = Undistortion::new(camera, distortion)?;
-        warn(on_event, EstimateWarning::Undistorted { hfov_deg: undistortion.camera.hfov_deg() })?;
+        let [hfov_deg, pinhole_hfov_deg] = [&undistortion.camera, &camera].map(Camera::hfov_deg);
+        warn(on_event, EstimateWarning::Undistorted { hfov_deg, pinhole_hfov_deg })?;
         let undistorted = undistortion.photo(&photo.photo);
         let distorted = DistortedPhoto::new(std::mem::replace(&mut photo.photo, undistorted), undistortion);
         let distorted = Some(Arc::new(distorted));

@@ -3,6 +3,8 @@
 
 mod given_input;
 mod photos;
+#[cfg(feature = "weights")]
+mod real_depth;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;

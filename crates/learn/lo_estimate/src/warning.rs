@@ -30,6 +30,18 @@ pub enum EstimateWarning {
         /// Spearman's rank correlation of the two depths.
         rank_correlation: f64,
     },
+    /// Given depth fits the built-in network's better if it is mirrored from left to right.
+    MirroredDepth {
+        /// Spearman's rank correlation of the two depths.
+        rank_correlation: f64,
+        /// That of the mirrored map.
+        mirrored: f64,
+    },
+    /// Given depth is the same everywhere, where the photo shows near and far surfaces.
+    ConstantDepth {
+        /// The depth in metres.
+        depth_m: f64,
+    },
     /// Given depth is much larger or smaller than the built-in network's: its scale seems wrong.
     DepthScale {
         /// Median ratio of given depth to the built-in network's.
@@ -49,6 +61,8 @@ pub enum EstimateWarning {
     Undistorted {
         /// Horizontal field of view of the undistorted photo, in degrees.
         hfov_deg: f64,
+        /// Horizontal field of view by focal length alone, in degrees.
+        pinhole_hfov_deg: f64,
     },
     /// Points outside the octree's cube were discarded.
     OutsideCube {
@@ -70,6 +84,9 @@ pub enum EstimateWarning {
         photos: Vec<usize>,
     },
 }
+
+/// Smallest share of the field of view that is left by the distortion of a real lens.
+const LEAST_KEPT: f64 = 0.6;
 
 impl Warning for EstimateWarning {}
 
@@ -94,6 +111,14 @@ impl fmt::Display for EstimateWarning {
                 "the depth map looks like inverse depth: where the photo shows near surfaces, its values are large (rank \
                  correlation {rank_correlation:.2} with the built-in network's depth)"
             ),
+            Self::MirroredDepth { rank_correlation, mirrored } => write!(
+                f,
+                "the depth map looks mirrored from left to right: the built-in network's depth has a rank correlation \
+                 of {mirrored:.2} with the mirrored map, of {rank_correlation:.2} with the map as it is"
+            ),
+            Self::ConstantDepth { depth_m } => {
+                write!(f, "the depth map is {depth_m:.2} m everywhere, where the photo shows near and far surfaces")
+            }
             Self::DepthScale { ratio } if *ratio > 1.0 => write!(
                 f,
                 "the depth map is {} times as far as the built-in network's depth: scale?",
@@ -118,7 +143,12 @@ impl fmt::Display for EstimateWarning {
                 "one side of the photo is {aspect:.1} times the other: if it is a panorama stitched by a phone, crop it \
                  to a part of at most 90°; it is taken for the photo of a pinhole camera"
             ),
-            Self::Undistorted { hfov_deg } => write!(
+            Self::Undistorted { hfov_deg, pinhole_hfov_deg } if *hfov_deg < LEAST_KEPT * pinhole_hfov_deg => write!(
+                f,
+                "without its lens distortion the photo has a horizontal field of view of {hfov_deg:.1}° instead of \
+                 {pinhole_hfov_deg:.1}°: check the coefficients and their order"
+            ),
+            Self::Undistorted { hfov_deg, .. } => write!(
                 f,
                 "lens distortion is undone: the scene's photo has a horizontal field of view of {hfov_deg:.1}°; \
                  composites are distorted back"

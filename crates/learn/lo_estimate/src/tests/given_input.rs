@@ -126,7 +126,7 @@ fn distortion_is_undone_in_photo_and_depth() {
     let Input::MeasuredDepth(frame) = resolved.input else { panic!() };
     assert!(frame.photo == undistortion.photo(&photo) && frame.photo != photo);
     assert!(frame.depth_m == undistortion.depth(&depth_m) && frame.camera == undistortion.camera);
-    assert!(matches!(warnings[..], [EstimateWarning::Undistorted { hfov_deg }] if hfov_deg > 65.0), "{warnings:?}");
+    assert!(matches!(warnings[..], [EstimateWarning::Undistorted { hfov_deg, .. }] if hfov_deg > 65.0), "{warnings:?}");
     let folded = Some(Distortion::brown(&[0.0, 0.0, 40.0, 0.0]));
     let (error, _) = resolve(PhotoRequest { camera: Some(camera), distortion: folded, ..request(photo) });
     assert!(matches!(error, Err(EstimateError::Undistortion(_))), "{error:?}");

@@ -113,7 +113,8 @@ fn without_poses(value: &Value, name: &str) -> Result<Option<FileLens>, PoseErro
     if has("K") && !has("poses") {
         return record3d::lens(value, name).map(|lens| lens.map(|lens| (lens, None)));
     }
-    if (has("fl_x") || has("camera_angle_x")) && !has("frames") {
+    let has_frames = of("frames").is_some_and(|frames| frames.as_array().is_none_or(|frames| !frames.is_empty()));
+    if (has("fl_x") || has("camera_angle_x")) && !has_frames {
         let distortion = nerf::distortion(&of, name)?;
         return nerf::lens(&of, name).map(|lens| lens.map(|lens| (lens, distortion)));
     }
@@ -205,6 +206,8 @@ mod tests {
         let lens = read(nerf, "a.jpg", None).unwrap();
         assert_eq!(numbers(&lens, 480, 720), [520.0, 520.0, 240.0, 360.0]);
         assert_eq!(lens.distortion, Some(Distortion::brown(&[-0.25, 0.05])));
+        let no_frames = r#"{"fl_x": 520, "w": 480, "h": 720, "frames": []}"#;
+        assert_eq!(numbers(&read(no_frames, "a.jpg", None).unwrap(), 480, 720)[0], 520.0);
         let tum = "1 0 0 0 0 0 0 1\n";
         assert!(read(tum, "a.jpg", None).unwrap_err().contains("unknown format of a lens"));
         let own = r#"{"photos": [{"file": "a.jpg", "rotation_xyzw": [0, 0, 0, 1], "position_m": [0, 0, 0]}]}"#;
