@@ -10,8 +10,14 @@ pub(crate) const BLACK: u8 = 28;
 /// Smallest share of black pixels in a row of a bar. The others may be a clock or buttons.
 const BAR_SHARE: f32 = 0.85;
 
-/// Smallest share of pixels within ± 2 of the median of a bar. Dark photos have more noise.
+/// Smallest share of pixels near the median of a bar. Dark photos have more noise.
 const EVEN_SHARE: f32 = 0.95;
+
+/// Largest difference from that median, of one bar and of two opposite ones, which noise and compression change.
+const SPREADS: [usize; 2] = [2, 6];
+
+/// Rows of a block of JPEG's.
+const BLOCK: usize = 8;
 
 /// Smallest share of pixels at the picture's edge that are brighter than the bar, of one bar and of two opposite ones.
 const EDGE_SHARE: [f32; 2] = [0.97, 0.4];
@@ -185,10 +191,13 @@ fn brightest(photo: &Photo) -> Image<u8> {
     }
 }
 
-/// An evenly black bar at the top or bottom: its rows, and the share of pixels at its edge that are brighter.
+/// A black bar at the top or bottom.
 #[derive(Clone, Copy, Default)]
 struct Bar {
     rows: usize,
+    /// Shares of pixels that are as black as the bar, within each of [`SPREADS`].
+    even_shares: [f32; 2],
+    /// Share of pixels at its edge that are brighter.
     edge_share: f32,
 }
 
@@ -213,27 +222,37 @@ fn bar(values: &Image<u8>, from_end: bool) -> Bar {
         2 * below >= rows * width
     });
     let median = median.unwrap_or(0);
-    let even: usize = counts[median.saturating_sub(2)..=(median + 2).min(255)].iter().sum();
-    if (even as f32) < EVEN_SHARE * (rows * width) as f32 {
-        return Bar::default();
-    }
+    // Compression blurs the picture into the last block of the bar.
+    let clean = if rows > 2 * BLOCK { rows - BLOCK } else { rows };
+    let even_share = |spread: usize, rows: usize| {
+        let is_even = |value: u8| usize::from(value).abs_diff(median) <= spread;
+        (0..rows).map(|index| share(row(index), &is_even)).sum::<f32>() / rows as f32
+    };
+    let even_shares = [even_share(SPREADS[0], rows), even_share(SPREADS[1], clean)];
     let brighter = |value: u8| usize::from(value) > median + 16;
     let edge_rows = (height / EDGE_ROWS_SHARE).clamp(1, EDGE_ROWS);
-    let edge_share = (rows..height.min(rows + edge_rows)).map(|index| share(row(index), &brighter)).fold(0.0, f32::max);
-    Bar { rows, edge_share }
+    let edge: Vec<f32> = (rows..height.min(rows + edge_rows)).map(|index| share(row(index), &brighter)).collect();
+    let edge_share = edge.iter().copied().fold(0.0, f32::max);
+    let before_edge = edge.iter().take_while(|&&share| 2.0 * share < edge_share).count();
+    Bar { rows: rows + before_edge, even_shares, edge_share }
 }
 
-/// Rows of two opposite bars, 0 where the edge is not straight.
+/// Rows of two opposite bars, 0 where a bar is not even or its edge not straight.
 fn kept(bars: [Bar; 2]) -> [usize; 2] {
-    let are_two = bars.iter().all(|bar| bar.rows > 0);
-    let least = EDGE_SHARE[usize::from(are_two)];
-    bars.map(|bar| if bar.edge_share >= least { bar.rows } else { 0 })
+    let is_bar = |bar: &Bar, kind: usize| bar.even_shares[kind] >= EVEN_SHARE && bar.edge_share >= EDGE_SHARE[kind];
+    if bars.iter().all(|bar| is_bar(bar, 1)) {
+        return bars.map(|bar| bar.rows);
+    }
+    bars.map(|bar| if is_bar(&bar, 0) { bar.rows } else { 0 })
 }
 
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use ::image::ImageEncoder;
+    use ::image::codecs::jpeg::JpegEncoder;
+
     use crate::{perspective_from_equirectangular, read_photo, read_radiance, view_rotation};
     use lo_testdata::{real_panoramas, real_photos, shared_data};
 
@@ -273,6 +292,39 @@ mod tests {
         let clock = |x: usize, y: usize| if (50..58).contains(&x) && (5..12).contains(&y) { [230; 3] } else { [0; 3] };
         assert_eq!(BlackBars::of(&framed(at(0, 20, 0, 20), clock)), Some(at(0, 20, 0, 20)));
         assert_eq!(BlackBars::of(&framed(BlackBars::default(), clock)), None);
+    }
+
+    #[test]
+    fn bars_of_compressed_photos_are_found() {
+        let Photo::Srgb8(photo) = read_photo(lo_testdata::asset("library_color.jpg")).unwrap().photo else { panic!() };
+        let photo = Image::from_fn(480, 360, |x, y| photo[(4 * x, 4 * y)]);
+        let at = |left, top, right, bottom| BlackBars { left, top, right, bottom };
+        let framed = |bars: BlackBars, noise: u32| {
+            let (width, height) = (480 + bars.left + bars.right, 360 + bars.top + bars.bottom);
+            let mut state = 1u32;
+            Image::from_fn(width, height, |x, y| {
+                let inner = x.checked_sub(bars.left).zip(y.checked_sub(bars.top)).filter(|&(x, y)| x < 480 && y < 360);
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                inner.map_or([(8 + (state >> 16) % (2 * noise + 1)) as u8; 3], |at| photo[at])
+            })
+        };
+        for bars in [at(0, 60, 0, 60), at(80, 0, 80, 0), at(40, 40, 40, 40), at(21, 33, 27, 35), at(0, 0, 0, 40)] {
+            // one bar with noise is taken for a dark part of the photo
+            let most_noise = if bars.top + bars.left > 0 { 4 } else { 2 };
+            for (quality, noise) in [(90, 0), (75, 0), (50, 0), (30, 0), (75, most_noise)] {
+                let image = framed(bars, noise);
+                let size = [image.width(), image.height()].map(|side| side as u32);
+                let mut bytes = Vec::new();
+                let encoder = JpegEncoder::new_with_quality(&mut bytes, quality);
+                let samples = image.pixels().as_flattened();
+                encoder.write_image(samples, size[0], size[1], ::image::ExtendedColorType::Rgb8).unwrap();
+                let found = BlackBars::of(&crate::photo_from_bytes(&bytes, "a.jpg").unwrap().photo);
+                let sides = |bars: BlackBars| [bars.left, bars.top, bars.right, bars.bottom];
+                let (found, expected) = (sides(found.unwrap_or_default()), sides(bars));
+                let agree = found.iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= 1);
+                assert!(agree, "{found:?} instead of {expected:?}, quality {quality}, noise {noise}");
+            }
+        }
     }
 
     #[test]

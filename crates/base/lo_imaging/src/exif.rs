@@ -1,4 +1,7 @@
-use exif::{Exif, In, Tag, Value};
+use std::io::Cursor;
+
+use exif::experimental::Writer;
+use exif::{Context, Exif, Field, In, Tag, Value};
 
 /// EXIF tags of the lens, from which a photo's field of view follows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,6 +43,40 @@ fn parse(raw: &[u8]) -> Option<Exif> {
     let mut reader = exif::Reader::new();
     reader.continue_on_error(true);
     reader.read_raw(raw.to_vec()).or_else(|error| error.distill_partial_result(|_| ())).ok()
+}
+
+/// Tags of a TIFF's main directory that describe the photo, not how it is stored.
+const DESCRIPTIVE: [Tag; 8] = [
+    Tag::ImageDescription,
+    Tag::Make,
+    Tag::Model,
+    Tag::Orientation,
+    Tag::Software,
+    Tag::DateTime,
+    Tag::Artist,
+    Tag::Copyright,
+];
+
+/// Returns the metadata of a TIFF file as an EXIF block; `None` if it has none.
+pub(crate) fn of_tiff(bytes: &[u8]) -> Option<Vec<u8>> {
+    let exif = parse(bytes)?;
+    let is_kept = |field: &&Field| {
+        let is_metadata = match field.tag.context() {
+            Context::Tiff => DESCRIPTIVE.contains(&field.tag),
+            // offsets in it are those of the file
+            _ => field.tag != Tag::MakerNote,
+        };
+        field.ifd_num == In::PRIMARY && is_metadata
+    };
+    let fields: Vec<&Field> = exif.fields().filter(is_kept).collect();
+    if fields.iter().all(|field| field.tag == Tag::Orientation) {
+        return None;
+    }
+    let mut writer = Writer::new();
+    fields.into_iter().for_each(|field| writer.push_field(field));
+    let mut block = Cursor::new(Vec::new());
+    writer.write(&mut block, false).ok()?;
+    Some(block.into_inner())
 }
 
 /// Whether the colour space is Adobe RGB: the interoperability index R03 (EXIF 2.32, 4.6.8; DCF 2.0), or the value 2 of

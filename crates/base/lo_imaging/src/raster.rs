@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::color::linear_from_srgb;
 use crate::encoded_image::EncodedImage;
-use crate::exif::{FocalLength, PhotoExposure, is_adobe_rgb};
+use crate::exif::{self, FocalLength, PhotoExposure, is_adobe_rgb};
 use crate::jpeg::JpegSegments;
 use crate::raster_decoder::{decoder, invalid, orientation, samples};
 use crate::source_color::{self, SourceColor};
@@ -60,7 +60,11 @@ pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
 fn stored(source: EncodedImage, notes: &mut Vec<PhotoNote>) -> Result<StoredPhoto, ImageError> {
     let mut decoder = decoder(source)?;
     // unreadable metadata must not fail the image
-    let exif = decoder.exif_metadata().ok().flatten();
+    let exif = match source.format {
+        // `image` 0.25.10 does not read it
+        Format::Tiff => exif::of_tiff(source.bytes),
+        _ => decoder.exif_metadata().ok().flatten(),
+    };
     let xmp = decoder.xmp_metadata().ok().flatten();
     let icc = match source.format {
         // `image` 0.25.10 does not find it

@@ -5,11 +5,18 @@ use lo_imaging::{Image, PhotoFile};
 /// Makes a little-endian EXIF block: orientation in IFD 0, `(tag, type, value)` in the EXIF IFD; a value of type 5 is a
 /// rational over 1000.
 pub fn block(orientation: u16, tags: &[(u16, u16, u32)]) -> Vec<u8> {
+    structure(&[(0x0112, 3, orientation.into())], tags)
+}
+
+/// Makes a little-endian TIFF structure with these entries in IFD 0, by tag, and in the EXIF IFD.
+fn structure(main: &[(u16, u16, u32)], tags: &[(u16, u16, u32)]) -> Vec<u8> {
     let entry = |tag: u16, kind: u16, value: u32| {
         [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1u32.to_le_bytes(), &value.to_le_bytes()].concat()
     };
-    let sub_ifd = 8 + 2 + 2 * 12 + 4;
-    let mut block = [b"II*\0\x08\0\0\0\x02\0".as_slice(), &entry(0x0112, 3, orientation.into())].concat();
+    let count = main.len() as u16 + 1;
+    let sub_ifd = 8 + 2 + u32::from(count) * 12 + 4;
+    let mut block = [b"II*\0\x08\0\0\0".as_slice(), &count.to_le_bytes()].concat();
+    block.extend(main.iter().flat_map(|&(tag, kind, value)| entry(tag, kind, value)));
     block.extend(entry(0x8769, 4, sub_ifd));
     block.extend([0; 4]);
     block.extend((tags.len() as u16).to_le_bytes());
@@ -48,6 +55,47 @@ fn jpeg_with(block: &[u8], width: u32, height: u32) -> Vec<u8> {
     let content = [b"Exif\0\0", block].concat();
     let length = (content.len() as u16 + 2).to_be_bytes();
     [&jpeg.get_ref()[..2], &[0xff, 0xe1], &length, &content, &jpeg.get_ref()[2..]].concat()
+}
+
+/// Makes a grey TIFF of 30 × 20 pixels.
+fn tiff_with(orientation: u32, tags: &[(u16, u16, u32)]) -> Vec<u8> {
+    let pixels: Vec<u8> = (0..600).map(|i| (i % 30) as u8).collect();
+    let at = |strip: u32| {
+        let main = [
+            (256, 3, 30),
+            (257, 3, 20),
+            (258, 3, 8),
+            (259, 3, 1),
+            (262, 3, 1),
+            (273, 4, strip),
+            (274, 3, orientation),
+            (277, 3, 1),
+            (278, 3, 20),
+            (279, 4, 600),
+        ];
+        structure(&main, tags)
+    };
+    let length = at(0).len() as u32;
+    [at(length), pixels].concat()
+}
+
+#[test]
+fn a_tiff_has_lens_exposure_and_metadata() {
+    let tags = [(0x829a, 5, 20), (0x8827, 3, 400), (0xa405, 3, 24)];
+    for (orientation, size) in [(1, (30, 20)), (6, (20, 30))] {
+        let file = read(&tiff_with(orientation, &tags));
+        assert_eq!((file.photo.width(), file.photo.height()), size);
+        assert_eq!((file.focal.equivalent_35mm, file.exposure.iso), (Some(24.0), Some(400.0)));
+        assert!((file.exposure.time_s.unwrap() - 0.02).abs() < 1e-12);
+        let lo_imaging::Photo::Encoded8(photo) = &file.photo else { panic!("no metadata: {:?}", file.photo) };
+        // What composites embed has the photo's metadata alone.
+        let exif = &photo.encoding.exif;
+        assert!(exif.len() < 200, "{} bytes", exif.len());
+        let copy = read(&png_with(exif, &Image::from_fn(30, 20, |_, _| [0; 3])));
+        assert_eq!((copy.photo.width(), copy.focal), (30, file.focal));
+    }
+    let plain = read(&tiff_with(6, &[])).photo;
+    assert!(matches!(plain, lo_imaging::Photo::Srgb8(_)) && plain.width() == 20, "{plain:?}");
 }
 
 fn read(bytes: &[u8]) -> PhotoFile {
