@@ -2,7 +2,7 @@
 
 use lo_geometry::Camera;
 
-use crate::{EncodedPhoto, GainMap, Image, Photo, RadianceImage, srgb8_from_linear};
+use crate::{EncodedPhoto, GainMap, Image, Photo, srgb8_from_linear};
 
 /// Largest sRGB value of black: video black is 16, and compression adds noise.
 pub(crate) const BLACK: u8 = 28;
@@ -51,15 +51,15 @@ impl BlackBars {
     /// A bar is evenly black and ends at a straight edge. Rounded corners of the picture count as bars, so that the
     /// picture is a rectangle.
     pub fn of(photo: &Photo) -> Option<Self> {
-        let values = brightest(photo);
-        let rows = [false, true].map(|from_end| bar(&values, from_end));
+        let (width, height) = (photo.width(), photo.height());
+        let value = |x: usize, y: usize| brightest(photo, (x, y));
+        let rows = [false, true].map(|from_end| bar(value, [width, height], from_end));
         // A row of letterbox has no column of pillarbox.
-        let turned = Image::from_fn(values.height(), values.width(), |x, y| values[(y, x)]);
-        let columns = [false, true].map(|from_end| bar(&turned, from_end));
+        let turned = |x: usize, y: usize| value(y, x);
+        let columns = [false, true].map(|from_end| bar(turned, [height, width], from_end));
         let [top, bottom] = kept(rows);
         let [left, right] = kept(columns);
-        let bars = Self { left, top, right, bottom }.without_corners(&values);
-        let (width, height) = (values.width(), values.height());
+        let bars = Self { left, top, right, bottom }.without_corners(value, [width, height]);
         let area = bars.inner_width(width)? as f64 * bars.inner_height(height)? as f64;
         (bars != Self::default() && area >= MIN_AREA * (width * height) as f64).then_some(bars)
     }
@@ -148,8 +148,7 @@ impl BlackBars {
     }
 
     /// Widens the bars until they contain rounded corners.
-    fn without_corners(self, values: &Image<u8>) -> Self {
-        let (width, height) = (values.width(), values.height());
+    fn without_corners(self, value: impl Fn(usize, usize) -> u8, [width, height]: [usize; 2]) -> Self {
         let (Some(inner_width), Some(inner_height)) = (self.inner_width(width), self.inner_height(height)) else {
             return self;
         };
@@ -159,7 +158,7 @@ impl BlackBars {
             let at = |from_end: bool, start: usize, size: usize, index: usize| {
                 if from_end { start + size - 1 - index } else { start + index }
             };
-            values[(at(right, self.left, inner_width, x), at(bottom, self.top, inner_height, y))] <= BLACK
+            value(at(right, self.left, inner_width, x), at(bottom, self.top, inner_height, y)) <= BLACK
         };
         let mut sizes = Vec::with_capacity(4);
         for corner in corners {
@@ -180,15 +179,13 @@ impl BlackBars {
     }
 }
 
-/// The sRGB value of the brightest channel of each pixel.
-fn brightest(photo: &Photo) -> Image<u8> {
-    let of_linear = |image: &RadianceImage| image.map(|rgb| srgb8_from_linear(rgb[0].max(rgb[1]).max(rgb[2])));
-    match photo {
-        Photo::Srgb8(image) | Photo::Encoded8(EncodedPhoto { image, .. }) => {
-            image.map(|rgb| rgb[0].max(rgb[1]).max(rgb[2]))
-        }
-        Photo::Linear(image) => of_linear(image),
-    }
+/// The sRGB value of the brightest channel of a pixel.
+fn brightest(photo: &Photo, at: (usize, usize)) -> u8 {
+    let [r, g, b] = match photo {
+        Photo::Srgb8(image) | Photo::Encoded8(EncodedPhoto { image, .. }) => image[at],
+        Photo::Linear(image) => image[at].map(srgb8_from_linear),
+    };
+    r.max(g).max(b)
 }
 
 /// A black bar at the top or bottom.
@@ -201,21 +198,22 @@ struct Bar {
     edge_share: f32,
 }
 
-fn bar(values: &Image<u8>, from_end: bool) -> Bar {
-    let (width, height) = (values.width(), values.height());
+/// Measures the bar at the first rows, or the last ones. Without a bar one row is read.
+fn bar(value: impl Fn(usize, usize) -> u8, [width, height]: [usize; 2], from_end: bool) -> Bar {
     let row = |index: usize| {
         let y = if from_end { height - 1 - index } else { index };
-        &values.pixels()[y * width..(y + 1) * width]
+        let value = &value;
+        (0..width).map(move |x| value(x, y))
     };
-    let share = |row: &[u8], holds: &dyn Fn(u8) -> bool| {
-        row.iter().filter(|&&value| holds(value)).count() as f32 / width.max(1) as f32
+    let share = |index: usize, holds: &dyn Fn(u8) -> bool| {
+        row(index).filter(|&value| holds(value)).count() as f32 / width.max(1) as f32
     };
-    let rows = (0..height).take_while(|&index| share(row(index), &|value| value <= BLACK) >= BAR_SHARE).count();
+    let rows = (0..height).take_while(|&index| share(index, &|value| value <= BLACK) >= BAR_SHARE).count();
     if rows < (height / 100).max(3) || rows == height {
         return Bar::default();
     }
     let mut counts = [0usize; 256];
-    (0..rows).flat_map(row).for_each(|&value| counts[usize::from(value)] += 1);
+    (0..rows).flat_map(row).for_each(|value| counts[usize::from(value)] += 1);
     let mut below = 0;
     let median = (0..256).find(|&value| {
         below += counts[value];
@@ -226,12 +224,12 @@ fn bar(values: &Image<u8>, from_end: bool) -> Bar {
     let clean = if rows > 2 * BLOCK { rows - BLOCK } else { rows };
     let even_share = |spread: usize, rows: usize| {
         let is_even = |value: u8| usize::from(value).abs_diff(median) <= spread;
-        (0..rows).map(|index| share(row(index), &is_even)).sum::<f32>() / rows as f32
+        (0..rows).map(|index| share(index, &is_even)).sum::<f32>() / rows as f32
     };
     let even_shares = [even_share(SPREADS[0], rows), even_share(SPREADS[1], clean)];
     let brighter = |value: u8| usize::from(value) > median + 16;
     let edge_rows = (height / EDGE_ROWS_SHARE).clamp(1, EDGE_ROWS);
-    let edge: Vec<f32> = (rows..height.min(rows + edge_rows)).map(|index| share(row(index), &brighter)).collect();
+    let edge: Vec<f32> = (rows..height.min(rows + edge_rows)).map(|index| share(index, &brighter)).collect();
     let edge_share = edge.iter().copied().fold(0.0, f32::max);
     let before_edge = edge.iter().take_while(|&&share| 2.0 * share < edge_share).count();
     Bar { rows: rows + before_edge, even_shares, edge_share }
