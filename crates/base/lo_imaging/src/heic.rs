@@ -76,7 +76,7 @@ fn pixels(source: EncodedImage, file: &HeifFile) -> Result<DynamicImage, ImageEr
     let [width, height] = stored_size(source, file)?;
     let most = most_coded(width, height);
     check_coded_size(source, file, file.primary_id, most)?;
-    let options = Options { max_pixels: most, ..Options::default() };
+    let options = Options { max_pixels: most, max_threads: rayon::current_num_threads() };
     let failed = |error| match error {
         Error::Unsupported(feature) => source.unsupported(feature),
         error => source.invalid(error),
@@ -209,7 +209,7 @@ fn map_options(source: EncodedImage, file: &HeifFile, item: ItemId) -> Result<Op
         .check_size(width.into(), height.into())
         .and_then(|()| check_coded_size(source, file, item, max_pixels))
         .map_err(|_| "its picture is too large")?;
-    Ok(Options { max_pixels, ..Options::default() })
+    Ok(Options { max_pixels, max_threads: rayon::current_num_threads() })
 }
 
 const DAMAGED: &str = "its picture is damaged";
