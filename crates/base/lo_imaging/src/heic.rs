@@ -10,7 +10,7 @@ use image::{DynamicImage, ImageBuffer, RgbImage};
 
 use crate::encoded_image::EncodedImage;
 use crate::source_color::{self, SourceColor};
-use crate::stored_photo::StoredPhoto;
+use crate::stored_photo::{StoredPhoto, usable_color, usable_gain_map};
 use crate::{GainMap, GainMapParameters, Image, ImageError, PhotoNote, gain_map_read};
 
 /// Most levels of images that derive from each other (a grid from its tiles), as in the decoder.
@@ -29,17 +29,8 @@ pub(crate) fn photo(source: EncodedImage, notes: &mut Vec<PhotoNote>) -> Result<
             source_color::of_code_points(primaries, transfer).ok_or("its code points (nclx) are reserved")
         }),
     };
-    let color = color.unwrap_or_else(|reason| {
-        notes.push(PhotoNote::UnusableProfile { reason });
-        SourceColor::Srgb
-    });
-    let gain_map = gain_map(source, &file).and_then(|read| match read {
-        Ok(map) => Some(map),
-        Err(reason) => {
-            notes.push(PhotoNote::UnusableGainMap { reason });
-            None
-        }
-    });
+    let color = usable_color(color, notes);
+    let gain_map = usable_gain_map(gain_map(source, &file), notes);
     Ok(StoredPhoto { pixels: pixels(source, &file)?, color, exif: metadata.exif, xmp: metadata.xmp, gain_map })
 }
 
@@ -76,7 +67,7 @@ fn pixels(source: EncodedImage, file: &HeifFile) -> Result<DynamicImage, ImageEr
     let [width, height] = stored_size(source, file)?;
     let most = most_coded(width, height);
     check_coded_size(source, file, file.primary_id, most)?;
-    let options = Options { max_pixels: most, max_threads: rayon::current_num_threads() };
+    let options = options(most);
     let failed = |error| match error {
         Error::Unsupported(feature) => source.unsupported(feature),
         error => source.invalid(error),
@@ -93,6 +84,10 @@ fn pixels(source: EncodedImage, file: &HeifFile) -> Result<DynamicImage, ImageEr
     let rgb: Vec<u16> = image.data.as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b].map(deepen)).collect();
     let buffer = ImageBuffer::from_raw(image.width, image.height, rgb).ok_or_else(no_samples)?;
     Ok(DynamicImage::ImageRgb16(buffer))
+}
+
+fn options(max_pixels: u64) -> Options {
+    Options { max_pixels, max_threads: rayon::current_num_threads() }
 }
 
 /// Most pixels that may be coded for an image: tiles reach beyond its edges, and it has auxiliary images.
@@ -190,26 +185,21 @@ fn gain_map(source: EncodedImage, file: &HeifFile) -> Option<Result<GainMap, &'s
     };
     let items = file.referencing_items(file.primary_id, b"auxl");
     let item = *items.iter().find(|item| is_apple(item))?;
-    Some(
-        match map_options(source, file, item)
-            .and_then(|options| heifer::hdr::read_gain_map_with_options(source.bytes, &options).map_err(|_| DAMAGED))
-        {
-            Ok(Some(map)) => apple_gain_map(&map),
-            Ok(None) => Err("the photo does not state its headroom"),
-            Err(reason) => Err(reason),
-        },
-    )
+    Some(most_of_map(source, file, item).and_then(|most| {
+        let map = heifer::hdr::read_gain_map_with_options(source.bytes, &options(most)).map_err(|_| DAMAGED)?;
+        apple_gain_map(&map.ok_or("the photo does not state its headroom")?)
+    }))
 }
 
-/// Checks the size of a gain map's picture.
-fn map_options(source: EncodedImage, file: &HeifFile, item: ItemId) -> Result<Options, &'static str> {
+/// Checks the size of a gain map's picture, and returns the most pixels that may be coded for it.
+fn most_of_map(source: EncodedImage, file: &HeifFile, item: ItemId) -> Result<u64, &'static str> {
     let (width, height) = file.image_size(item).ok().flatten().ok_or("its picture states no size")?;
-    let max_pixels = most_coded(width, height);
+    let most = most_coded(width, height);
     source
         .check_size(width.into(), height.into())
-        .and_then(|()| check_coded_size(source, file, item, max_pixels))
+        .and_then(|()| check_coded_size(source, file, item, most))
         .map_err(|_| "its picture is too large")?;
-    Ok(Options { max_pixels, max_threads: rayon::current_num_threads() })
+    Ok(most)
 }
 
 const DAMAGED: &str = "its picture is damaged";
@@ -229,7 +219,7 @@ fn iso_gain_map(source: EncodedImage, file: &HeifFile, item: ItemId) -> Result<G
     if !parameters.is_valid() {
         return Err("its parameters are out of range");
     }
-    map_options(source, file, map)?;
+    most_of_map(source, file, map)?;
     let picture = heifer::decode_item(file, map, 1).map_err(|_| DAMAGED)?;
     let (width, height) = (picture.width as usize, picture.height as usize);
     let image = Image::new(width, height, picture.to_rgb8().as_chunks::<3>().0.to_vec());

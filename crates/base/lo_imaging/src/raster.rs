@@ -10,7 +10,7 @@ use crate::exif::{self, FocalLength, PhotoExposure, is_adobe_rgb};
 use crate::jpeg::JpegSegments;
 use crate::raster_decoder::{decoder, invalid, orientation, samples};
 use crate::source_color::{self, SourceColor};
-use crate::stored_photo::StoredPhoto;
+use crate::stored_photo::{StoredPhoto, usable_color, usable_gain_map};
 use crate::{
     ColorProfile, EncodedPhoto, Format, GainMap, Image, ImageError, PartialPanorama, Photo, PhotoEncoding, PhotoFile,
     PhotoNote, RadianceImage, cmyk, gain_map_read, heic, truncated, xmp,
@@ -73,10 +73,7 @@ fn stored(source: EncodedImage, notes: &mut Vec<PhotoNote>) -> Result<StoredPhot
     };
     let orientation = orientation(&mut decoder, exif.as_deref());
     let stated = source_color::of(source, icc.as_deref(), exif.as_deref().is_some_and(is_adobe_rgb));
-    let mut color = stated.unwrap_or_else(|reason| {
-        notes.push(PhotoNote::UnusableProfile { reason });
-        SourceColor::Srgb
-    });
+    let mut color = usable_color(stated, notes);
     let cmyk = match &color {
         SourceColor::Table(table) if table.is_cmyk() => cmyk::samples(source)?.map(|samples| (table, samples)),
         _ => None,
@@ -105,13 +102,8 @@ fn stored(source: EncodedImage, notes: &mut Vec<PhotoNote>) -> Result<StoredPhot
             decoded = truncated::blacken(decoded, rows);
         }
     }
-    let gain_map = segments.and_then(|segments| gain_map_read::read(source, &segments)).and_then(|read| match read {
-        Ok(map) => Some(oriented(map, orientation)),
-        Err(reason) => {
-            notes.push(PhotoNote::UnusableGainMap { reason });
-            None
-        }
-    });
+    let gain_map = segments.and_then(|segments| gain_map_read::read(source, &segments));
+    let gain_map = usable_gain_map(gain_map, notes).map(|map| oriented(map, orientation));
     decoded.apply_orientation(orientation);
     Ok(StoredPhoto { pixels: decoded, color, exif, xmp, gain_map })
 }
