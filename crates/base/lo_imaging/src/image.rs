@@ -58,6 +58,14 @@ impl<T> Image<T> {
         self.pixels
     }
 
+    /// Returns the image with left and right exchanged.
+    pub fn mirrored(&self) -> Self
+    where
+        T: Copy,
+    {
+        Self::from_fn(self.width, self.height, |x, y| self[(self.width - 1 - x, y)])
+    }
+
     /// Maps each pixel to a new image of the same size.
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Image<U> {
         Image { width: self.width, height: self.height, pixels: self.pixels.iter().map(f).collect() }

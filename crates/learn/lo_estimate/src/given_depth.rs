@@ -64,9 +64,7 @@ pub(crate) fn compare(given_m: &DepthMap, own_m: &DepthMap) -> Option<EstimateWa
 
 /// Rank correlation of the given map, mirrored from left to right; 0 without enough readings in common.
 fn mirrored_correlation(given_m: &DepthMap, own_m: &DepthMap) -> f64 {
-    let width = given_m.width();
-    let mirrored = DepthMap::from_fn(width, given_m.height(), |x, y| given_m[(width - 1 - x, y)]);
-    let pairs = pairs(&mirrored, own_m);
+    let pairs = pairs(&given_m.mirrored(), own_m);
     if pairs.len() < MIN_COUNT { 0.0 } else { rank_correlation(&pairs) }
 }
 
@@ -154,8 +152,7 @@ mod tests {
     fn mirrored_depth_is_told_from_inverse_depth() {
         // A floor that rises to the right, with a box.
         let slanted = DepthMap::from_fn(320, 240, |x, y| depth(320, 240)[(x, y)] * (1.0 + 4.0 * x as f32 / 320.0));
-        let mirrored = DepthMap::from_fn(320, 240, |x, y| slanted[(319 - x, y)]);
-        assert!(matches!(compare(&mirrored, &slanted), Some(EstimateWarning::MirroredDepth { .. })));
+        assert!(matches!(compare(&slanted.mirrored(), &slanted), Some(EstimateWarning::MirroredDepth { .. })));
         assert!(matches!(compare(&slanted.map(|z| 1.0 / z), &slanted), Some(EstimateWarning::InverseDepth { .. })));
         assert_eq!(compare(&slanted, &slanted), None);
     }

@@ -15,12 +15,12 @@ const PIXELS_PER_RADIUS: usize = 100;
 
 /// Returns the mirrored and coarser photo of the second pass. `longer_side` is the first pass's.
 pub(crate) fn augmented_photo(photo: &Image<[u8; 3]>, longer_side: usize) -> Image<[u8; 3]> {
-    mirrored(&photo_within(photo, (SCALE * longer_side as f64).round() as usize))
+    photo_within(photo, (SCALE * longer_side as f64).round() as usize).mirrored()
 }
 
 /// Returns the geometric mean of both passes' depths at the first pass's resolution.
 pub(crate) fn mean_depth(first: &DepthMap, second: &DepthMap) -> DepthMap {
-    let second = resize_depth(&mirrored(second), first.width(), first.height());
+    let second = resize_depth(&second.mirrored(), first.width(), first.height());
     let pixels = first.pixels().iter().zip(second.pixels()).map(|(a, b)| (a * b).sqrt());
     DepthMap::new(first.width(), first.height(), pixels.collect())
 }
@@ -42,11 +42,6 @@ pub(crate) fn median_filtered(depth_m: &DepthMap) -> DepthMap {
         })
     });
     DepthMap::new(width, height, rows.collect())
-}
-
-/// Exchanges left and right.
-fn mirrored<T: Copy>(image: &Image<T>) -> Image<T> {
-    Image::from_fn(image.width(), image.height(), |x, y| image[(image.width() - 1 - x, y)])
 }
 
 #[cfg(test)]

@@ -55,9 +55,7 @@ fn real_depth_is_quiet_and_wrong_depth_is_named() {
         if !matches!(found, Some(EstimateWarning::InverseDepth { .. })) {
             inverse.push(format!("{name}: {found:?}"));
         }
-        let given = &working.depth_m;
-        let flipped = DepthMap::from_fn(given.width(), given.height(), |x, y| given[(given.width() - 1 - x, y)]);
-        let found = compare(&flipped, &own_m);
+        let found = compare(&working.depth_m.mirrored(), &own_m);
         if !matches!(found, Some(EstimateWarning::MirroredDepth { .. })) {
             mirrored.push(format!("{name}: {found:?}"));
         }
