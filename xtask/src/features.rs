@@ -12,6 +12,8 @@ const PROGRAM: &str = "lightoctree-cli";
 const LAB: &str = "lightoctree-lab";
 /// The dependency that takes minutes to compile.
 const COSTLY: &str = "burn";
+/// Features of it that only training enables, and so the lab.
+const TRAINING: [&str; 2] = ["autodiff", "burn-autodiff"];
 
 /// Dependencies of burn whose features differ from the program's, by crate.
 pub fn problems(workspace: &Workspace) -> anyhow::Result<Vec<String>> {
@@ -43,8 +45,11 @@ fn differences(
     program: &BTreeMap<&str, &str>,
     own: &BTreeMap<&str, &str>,
 ) -> Vec<String> {
+    let inferring = |features: &str| -> Vec<String> {
+        features.split(',').filter(|feature| !TRAINING.contains(feature)).map(str::to_owned).collect()
+    };
     let differs = |package: &&str| match (program.get(package), own.get(package)) {
-        (Some(program), Some(own)) if program != own => {
+        (Some(program), Some(own)) if inferring(program) != inferring(own) => {
             Some(format!("{package} has [{program}] in the program and [{own}] in `-p {crate_name}`: see {FEATURES}"))
         }
         _ => None,
@@ -69,5 +74,7 @@ mod tests {
             "burn does not depend on clap"
         );
         assert!(differences("nets", &below, &program, &program).is_empty());
+        let training = features("burn v1.0.0|autodiff,std|\nserde v1.0.0|derive,std|\n");
+        assert!(differences("nets", &below, &program, &training).is_empty());
     }
 }

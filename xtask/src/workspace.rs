@@ -134,8 +134,10 @@ fn package(raw: Raw, root: &Path) -> anyhow::Result<Package> {
     let folder = raw.manifest_path.parent().and_then(|folder| folder.strip_prefix(root).ok());
     let folder = folder.with_context(|| format!("{} is outside of the checkout", raw.name))?;
     let folder = folder.to_string_lossy().replace('\\', "/");
+    // Tests may depend on their own crate with a feature.
+    let dependencies = raw.dependencies.iter().filter(|dependency| dependency.name != raw.name);
     // Dependencies with a path are members of the workspace.
-    let (members, others): (Vec<_>, Vec<_>) = raw.dependencies.iter().partition(|dependency| dependency.path.is_some());
+    let (members, others): (Vec<_>, Vec<_>) = dependencies.partition(|dependency| dependency.path.is_some());
     let of_kind = |is_dev: bool| {
         let chosen = members.iter().filter(move |member| (member.kind.as_deref() == Some("dev")) == is_dev);
         chosen.map(|member| member.name.clone())

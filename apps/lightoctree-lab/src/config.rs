@@ -1,5 +1,6 @@
 //! Configurations: TOML files with the fields that differ from the defaults, and overrides of single fields.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -40,6 +41,14 @@ impl ConfigArgs {
             config = assigned(&config, assignment).map_err(|reason| Usage(format!("--set {assignment}: {reason}")))?;
         }
         Ok(config)
+    }
+
+    /// Returns an invalid value of [`ConfigArgs::read`] as an error of usage that names the file read.
+    pub fn invalid(&self, file: Option<&Path>, error: impl Display) -> Usage {
+        match self.config.as_deref().or(file) {
+            Some(path) => Usage(format!("{}: {error}", path.display())),
+            None => Usage(error.to_string()),
+        }
     }
 }
 

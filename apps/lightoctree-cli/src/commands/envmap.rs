@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lightoctree::LightPurpose;
+use lightoctree::{Document, LightPurpose};
 use lo_cone::Rendering;
 use lo_geometry::{Orientation, Vec3, is_position};
 use lo_imaging as imaging;
@@ -95,7 +95,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         outputs.into_iter().filter_map(|(path, extensions)| Some((path?.as_path(), extensions))).collect();
     output::check_outputs(&outputs, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
-    let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    let mut document = stages.stage("read scene", || Document::read(&args.scene))?;
     let purpose = if args.without_emitters { LightPurpose::IndirectOnly } else { LightPurpose::Panorama };
     let scene = args.light.lit(&mut document, purpose, &mut stages)?;
     let at = match (args.at, args.pixel) {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use lightoctree::LightPurpose;
+use lightoctree::{Document, LightPurpose};
 use lo_export as export;
 use lo_export::{Content, Format, LightProbe, Options};
 use lo_geometry::Vec3;
@@ -85,7 +85,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     };
     output::check_outputs(&[(&args.out.output, extensions)], COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
-    let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    let mut document = stages.stage("read scene", || Document::read(&args.scene))?;
     let scene = args.light.lit(&mut document, LightPurpose::Export, &mut stages)?;
     let lights = if args.to == Format::Ply { Vec::new() } else { document.lights() };
     let renderer = PanoramaRenderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;

@@ -194,7 +194,7 @@ impl Request {
         let (layout, source, saved) = match args.objects.layout()? {
             Some((layout, folder)) => (layout, ObjectSource::Files(folder), None),
             None => {
-                let document = super::read_scene(scene)?;
+                let document = Document::read(scene)?;
                 let Some(layout) = document.layout.clone() else {
                     let message =
                         format!("nothing to insert: give --mesh or --layout; {} has no objects", scene.display());
@@ -229,7 +229,7 @@ fn read(
     stages: &mut Stages,
 ) -> anyhow::Result<(Document, Models)> {
     let (document, folder) = match source {
-        ObjectSource::Files(folder) => (stages.stage("read scene", || super::read_scene(scene))?, Some(folder)),
+        ObjectSource::Files(folder) => (stages.stage("read scene", || Document::read(scene))?, Some(folder)),
         ObjectSource::Scene(document) => (*document, None),
     };
     let label = if layout.objects().len() > 1 { "read meshes" } else { "read mesh" };
@@ -508,9 +508,12 @@ fn frame_files(args: &Args, output: &Path, count: usize, is_sequence: bool) -> a
     }
     (0..count)
         .map(|frame| {
-            let composite = frame_name(output, "--output", is_sequence && !is_video, frame)?;
-            let layers =
-                args.layers.as_deref().map(|layers| frame_name(layers, "--layers", is_sequence, frame)).transpose()?;
+            let name = |path: &Path, option: &str, numbered: bool| match numbered {
+                true => frame_name(path, option, frame),
+                false => single_name(path, option),
+            };
+            let composite = name(output, "--output", is_sequence && !is_video)?;
+            let layers = args.layers.as_deref().map(|layers| name(layers, "--layers", is_sequence)).transpose()?;
             let is_stdout = video::is_stdout(&composite);
             let composite_extensions = if is_video { &[][..] } else { output::PHOTO };
             let image = (!is_stdout).then_some((composite.as_path(), composite_extensions));
@@ -522,17 +525,19 @@ fn frame_files(args: &Args, output: &Path, count: usize, is_sequence: bool) -> a
         .collect()
 }
 
-/// Replaces `%d` or `%0Nd` by the frame's number, counted from 0.
-fn frame_name(pattern: &Path, option: &str, is_sequence: bool, frame: usize) -> anyhow::Result<PathBuf> {
-    let text = pattern.to_str().ok_or_else(|| Usage(format!("{option}: the file name is not valid Unicode")))?;
-    if !is_sequence {
-        return match text.contains("%d") || text.contains("%0") {
-            true => {
-                Err(Usage(format!("{option} {text}: one image needs no frame number; give --path for several")).into())
-            }
-            false => Ok(pattern.to_owned()),
-        };
+/// Returns the file name of a single image or video, which contains no `%d` or `%0Nd`.
+fn single_name(path: &Path, option: &str) -> anyhow::Result<PathBuf> {
+    let text = unicode(path, option)?;
+    if text.contains("%d") || text.contains("%0") {
+        let reason = "one image needs no frame number; give --path for several";
+        return Err(Usage(format!("{option} {text}: {reason}")).into());
     }
+    Ok(path.to_owned())
+}
+
+/// Replaces `%d` or `%0Nd` by the frame's number, counted from 0.
+fn frame_name(pattern: &Path, option: &str, frame: usize) -> anyhow::Result<PathBuf> {
+    let text = unicode(pattern, option)?;
     let wrong = || Usage(format!("{option} {text}: a sequence requires one %d or %04d in the file name"));
     let (before, rest) = text.split_once('%').ok_or_else(wrong)?;
     let (digits, after) = rest.split_once('d').ok_or_else(wrong)?;
@@ -541,6 +546,10 @@ fn frame_name(pattern: &Path, option: &str, is_sequence: bool, frame: usize) -> 
     }
     let width = digits.parse::<usize>().unwrap_or(0);
     Ok(PathBuf::from(format!("{before}{frame:0width$}{after}")))
+}
+
+fn unicode<'a>(path: &'a Path, option: &str) -> anyhow::Result<&'a str> {
+    Ok(path.to_str().ok_or_else(|| Usage(format!("{option}: the file name is not valid Unicode")))?)
 }
 
 /// Parses `--lighting`, and reads its map.
@@ -582,15 +591,15 @@ mod tests {
 
     #[test]
     fn frames_are_numbered_by_the_pattern() {
-        let name = |pattern: &str, frame| {
-            frame_name(Path::new(pattern), "-o", true, frame).map(|path| path.display().to_string())
-        };
+        let name =
+            |pattern: &str, frame| frame_name(Path::new(pattern), "-o", frame).map(|path| path.display().to_string());
         assert_eq!(name("out/a_%04d.png", 7).unwrap(), "out/a_0007.png");
         assert_eq!(name("%d.png", 12).unwrap(), "12.png");
         for bad in ["a.png", "%4d.png", "%0x.png", "%04d_%04d.png", "%012d.png"] {
             assert!(name(bad, 0).unwrap_err().is::<Usage>(), "{bad}");
         }
-        assert_eq!(frame_name(Path::new("50%.png"), "-o", false, 0).unwrap(), Path::new("50%.png"));
+        assert_eq!(single_name(Path::new("50%.png"), "-o").unwrap(), Path::new("50%.png"));
+        assert!(single_name(Path::new("a_%04d.png"), "-o").unwrap_err().is::<Usage>());
     }
 
     #[test]

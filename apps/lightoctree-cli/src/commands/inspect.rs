@@ -179,7 +179,7 @@ struct RadianceSummary {
 
 /// Reads the scene and prints its contents.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let document = super::read_scene(&args.scene)?;
+    let document = Document::read(&args.scene)?;
     let bytes = std::fs::metadata(&args.scene).with_context(|| format!("{}", args.scene.display()))?.len();
     let summary = summarise(&document, bytes);
     if args.json {

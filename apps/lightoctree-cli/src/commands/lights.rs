@@ -241,7 +241,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let (path, file) = match &args.edit {
         None => {
             let path = args.scene.as_ref().ok_or_else(|| Usage("SCENE is required".into()))?;
-            return print_lights(&super::read_scene(path)?, args.json);
+            return print_lights(&Document::read(path)?, args.json);
         }
         Some(Edit::Set(args)) => (&args.scene, &args.file),
         Some(Edit::Add(AddArgs::Sun(args))) => (&args.scene, &args.file),
@@ -253,7 +253,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let Some(output) = &file.output {
         output::check_scene(output, SCENE_COMMAND, file.force)?;
     }
-    let mut document = super::read_scene(path)?;
+    let mut document = Document::read(path)?;
     match &args.edit {
         None => {}
         Some(Edit::Set(args)) => set(&mut document, args)?,

@@ -27,7 +27,7 @@ mod token;
 use std::path::Path;
 
 use anyhow::Context;
-use lightoctree::{Document, Estimator};
+use lightoctree::Estimator;
 use lo_imaging as imaging;
 
 /// Longest layout, path of keyframes and table of points, bytes.
@@ -36,11 +36,6 @@ const MAX_TEXT_BYTES: u64 = 64 << 20;
 /// Reads a text file given by the user.
 fn read_text(path: &Path) -> anyhow::Result<String> {
     imaging::read_regular_text(path, MAX_TEXT_BYTES).with_context(|| format!("cannot read {}", path.display()))
-}
-
-/// Reads a scene file. Errors contain its path.
-fn read_scene(path: &Path) -> anyhow::Result<Document> {
-    Ok(Document::read(path)?)
 }
 
 /// Creates an estimator with the networks of a weights file, or with those embedded in the program.

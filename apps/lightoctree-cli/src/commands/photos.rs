@@ -15,6 +15,7 @@ use lo_scene::{DistortedPhoto, Frame, PosedFrame, Undistortion};
 
 use super::lens::LensArgs;
 use super::parse;
+use crate::depth_units::DepthUnits;
 use crate::progress::Stages;
 use crate::usage::Usage;
 
@@ -105,11 +106,13 @@ impl PhotosArgs {
         let poses = PhotoPoses::read(&self.poses, photos)?;
         let files = stages.stage("read photos and depth", || -> anyhow::Result<Vec<_>> {
             let file = |(photo, depth): (&PathBuf, &PathBuf)| {
-                Ok((imaging::read_photo(photo)?, imaging::read_depth(depth, depth_scale)?))
+                Ok((imaging::read_photo(photo)?, imaging::read_depth_file(depth, depth_scale)?))
             };
             photos.iter().zip(depths).map(file).collect()
         })?;
         stages.photo_notes(photos.iter().map(PathBuf::as_path).zip(files.iter().map(|(photo, _)| photo)));
+        // The first map is compared with the network's.
+        files.first().into_iter().for_each(|(_, depth)| stages.set_depth_units(DepthUnits::of(depth)));
         stages.note(&format!("pose format: {}", poses.format));
         let exposures_ev = match &self.exposures {
             Some(parse::ExposuresEv(exposures)) => Some(exposures.iter().map(|ev| ev - exposures[0]).collect()),
@@ -117,7 +120,7 @@ impl PhotosArgs {
         };
         let mut frames = Vec::with_capacity(photos.len());
         let mut distorted = None;
-        for (index, (((photo, depth_m), pose), path)) in
+        for (index, (((photo, depth), pose), path)) in
             files.into_iter().zip(poses.first_from_cameras()).zip(photos).enumerate()
         {
             let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
@@ -131,7 +134,7 @@ impl PhotosArgs {
                 let (camera, source) = lightoctree::Estimator::without_networks().camera_of(&photo)?;
                 (camera, source.to_string())
             };
-            let (mut photo, mut depth_m) = (photo.photo, depth_m);
+            let (mut photo, mut depth_m) = (photo.photo, depth.depth_m);
             if let Some(distortion) = given.distortion.or_else(|| poses.distortion(index)) {
                 let undistortion = Undistortion::new(camera, distortion).with_context(|| path.display().to_string())?;
                 let undistorted = undistortion.photo(&photo);

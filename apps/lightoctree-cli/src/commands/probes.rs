@@ -4,7 +4,8 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use lightoctree::{Cancelled, Estimate, LightPurpose};
+use clap::builder::PossibleValuesParser;
+use lightoctree::{Cancelled, Document, Estimate, LightPurpose};
 use lo_cone::Rendering;
 use lo_geometry::{MAX_COORDINATE_M, Vec3};
 use lo_insert as insert;
@@ -59,7 +60,7 @@ pub struct Args {
     panorama: EnvironmentArgs,
 
     /// File format of the environment maps
-    #[arg(long, value_name = "EXT", default_value = "exr", value_parser = ["exr", "hdr", "pfm"])]
+    #[arg(long, value_name = "EXT", default_value = "exr", value_parser = PossibleValuesParser::new(output::RADIANCE))]
     format: String,
 
     /// Folder to write to
@@ -93,7 +94,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::check_folder(&args.output, MANIFEST, COMMAND, args.force)?;
     let height = environment::height(args.panorama.size)?;
     let mut stages = Stages::new(global.quiet);
-    let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    let mut document = stages.stage("read scene", || Document::read(&args.scene))?;
     let purpose = if args.without_emitters { LightPurpose::IndirectOnly } else { LightPurpose::Panorama };
     let scene = args.light.lit(&mut document, purpose, &mut stages)?;
     let probes = probes(args, &scene)?;

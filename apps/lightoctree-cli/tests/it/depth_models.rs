@@ -79,6 +79,46 @@ fn the_depth_of_a_model_is_in_the_scene() {
 }
 
 #[test]
+fn a_model_sees_the_picture_between_black_bars() {
+    const BAR: usize = 40;
+    let folder = photo();
+    let folder = folder.path();
+    let picture = |x: usize, y: usize| [(x / 2) as u8 + 60, (y / 2) as u8 + 60, 120];
+    let photo = Image::from_fn(320, 240 + 2 * BAR, |x, y| match y.checked_sub(BAR).filter(|y| *y < 240) {
+        Some(y) => picture(x, y),
+        None => [0; 3],
+    });
+    imaging::write_srgb8(folder.join("photo.png"), &photo, 95, imaging::GENERATOR).unwrap();
+    for (model, more, hfov_deg) in [
+        ("plane_metric.onnx", &["--hfov-deg", "50", "--depth-model-config", "metric.toml"][..], 50.0),
+        ("plane_moge2.onnx", &[], 60.0),
+    ] {
+        done(folder, &estimate(&fixture(model), more));
+        let scene = Document::read(folder.join("room.scene")).unwrap().estimate;
+        // The camera is that of the whole photo, whose bars have no depth.
+        let camera = scene.frame.camera;
+        assert_eq!((camera.width, camera.height, camera.cy), (320, 320, 160.0), "{model}");
+        assert!((camera.hfov_deg() - hfov_deg).abs() < 0.6, "{model}: {}", camera.hfov_deg());
+        let depth_m = &scene.frame.depth_m;
+        let (width, height) = (depth_m.width() as f64, depth_m.height() as f64);
+        let mut read = 0;
+        for y in 0..depth_m.height() {
+            // Across the picture; in the bars it is outside 0 to 1.
+            let v = ((y as f64 + 0.5) / height * 320.0 - BAR as f64) / 240.0;
+            for x in 0..depth_m.width() {
+                let z = f64::from(depth_m[(x, y)]);
+                if z > 0.0 {
+                    let off = z * plane((x as f64 + 0.5) / width, v) - 1.0;
+                    assert!((0.0..1.0).contains(&v) && off.abs() < 0.01, "{model}: {z} at {x}, {y}");
+                    read += 1;
+                }
+            }
+        }
+        assert!(f64::from(read) > 0.95 * 0.75 * width * height, "{model}: {read} of {width} × {height}");
+    }
+}
+
+#[test]
 fn the_lens_of_a_model_is_used_unless_one_is_given() {
     let folder = photo();
     let folder = folder.path();

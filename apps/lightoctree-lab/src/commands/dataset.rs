@@ -93,6 +93,8 @@ pub(super) enum SplitName {
     Validation,
     /// The other nine in ten
     Train,
+    /// Scenes that a published data set holds out for figures
+    Test,
     /// All scenes, for data that was never used for training
     All,
 }
@@ -104,6 +106,7 @@ impl SplitName {
             Self::All => None,
             Self::Train => Some(Split::Train),
             Self::Validation => Some(Split::Validation),
+            Self::Test => Some(Split::Test),
         }
     }
 }
@@ -228,8 +231,8 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
     let progress = bar(global.quiet, count, "samples");
     let mut summary = Summary::default();
     let mut inspected = 0;
-    let mut inspect = |sample: &Sample| {
-        summary.add(sample);
+    let mut inspect = |index: usize, sample: &Sample| {
+        summary.add(sample, dataset.split(index));
         add_light(&mut summary, sample);
         progress.inc(1);
         inspected += 1;
@@ -237,14 +240,14 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
     };
     if count == dataset.len() {
         let config = LoaderConfig { shuffle: false, threads: threads(global), ..LoaderConfig::default() };
-        for sample in Loader::new(Arc::clone(&dataset), config) {
-            if !inspect(&sample?) {
+        for (index, sample) in Loader::new(Arc::clone(&dataset), config).enumerate() {
+            if !inspect(index, &sample?) {
                 break;
             }
         }
     } else {
         for index in evenly_spread(dataset.len(), count) {
-            if !inspect(&dataset.get(index)?) {
+            if !inspect(index, &dataset.get(index)?) {
                 break;
             }
         }
@@ -281,11 +284,11 @@ fn text(layout: DatasetLayout, dataset: &Arc<dyn Dataset>, found: &SummaryReport
     let split = |name: &str, i: usize| {
         vec![name.to_owned(), found.scenes_by_split[i].to_string(), found.samples_by_split[i].to_string()]
     };
-    let rows = [
-        split("train", 0),
-        split("validation", 1),
-        vec!["all".to_owned(), found.scenes.to_string(), found.samples.to_string()],
-    ];
+    let mut rows = vec![split("train", 0), split("validation", 1)];
+    if found.samples_by_split[2] > 0 {
+        rows.push(split("test", 2));
+    }
+    rows.push(vec!["all".to_owned(), found.scenes.to_string(), found.samples.to_string()]);
     let figures: Vec<Vec<String>> = found
         .figures
         .iter()

@@ -153,10 +153,7 @@ fn read_config(args: &Args) -> anyhow::Result<GeneratorConfig> {
     if let Some(depth) = args.octree_depth {
         config.octree_depth = depth;
     }
-    config.validate().map_err(|error| match &args.config.config {
-        Some(path) => Usage(format!("{}: {error}", path.display())),
-        None => Usage(error.to_string()),
-    })?;
+    config.validate().map_err(|error| args.config.invalid(None, error))?;
     Ok(config)
 }
 

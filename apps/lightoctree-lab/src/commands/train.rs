@@ -142,10 +142,7 @@ fn read_config(args: &Args, run: Option<&Path>) -> anyhow::Result<TrainConfig> {
     if args.depth_weights.is_some() {
         config.depth.clear();
     }
-    config.validate().map_err(|error| match args.config.config.as_ref().or(of_run.as_ref()) {
-        Some(path) => Usage(format!("{}: {error}", path.display())),
-        None => Usage(error.to_string()),
-    })?;
+    config.validate().map_err(|error| args.config.invalid(of_run.as_deref(), error))?;
     Ok(config)
 }
 

@@ -141,6 +141,25 @@ impl BlackBars {
         Image::from_fn(columns, rows, |x, y| map[(column(x), row(y))])
     }
 
+    /// Returns a map of the picture as one of the photo of `size`, width and height, with `fill` in the bars. It has
+    /// the map's own resolution, so that [`BlackBars::cropped_map`] returns a map of the same size.
+    pub fn framed_map<T: Copy>(&self, map: &Image<T>, [width, height]: [usize; 2], fill: T) -> Image<T> {
+        let axis = |count: usize, size: usize, start: usize, end: usize| {
+            let inner = size - start - end;
+            let framed = ((count * size) as f64 / inner as f64).round().max(1.0) as usize;
+            // Index in the picture's map of the centre of a pixel.
+            let index = move |at: usize| {
+                let place = (at as f64 + 0.5) * size as f64 / framed as f64 - start as f64;
+                let index = (place * count as f64 / inner as f64).floor();
+                (0.0..count as f64).contains(&index).then_some(index as usize)
+            };
+            (framed, index)
+        };
+        let (columns, column) = axis(map.width(), width, self.left, self.right);
+        let (rows, row) = axis(map.height(), height, self.top, self.bottom);
+        Image::from_fn(columns, rows, |x, y| column(x).zip(row(y)).map_or(fill, |at| map[at]))
+    }
+
     fn crop<T: Copy>(&self, image: &Image<T>) -> Image<T> {
         let (width, height) = (self.inner_width(image.width()), self.inner_height(image.height()));
         let (width, height) = width.zip(height).expect("bars of an image are smaller than the image");
@@ -265,6 +284,29 @@ mod tests {
             let is_inside = (left..left + 120).contains(&x) && (top..top + 80).contains(&y);
             if is_inside { picture(x - left, y - top) } else { black(x, y) }
         }))
+    }
+
+    #[test]
+    fn framed_maps_are_cropped_to_what_they_were() {
+        let bars = BlackBars { left: 13, top: 80, right: 0, bottom: 41 };
+        let size = [640, 480];
+        let [inner_width, inner_height] = [627, 359];
+        for (width, height) in [(inner_width, inner_height), (37, 28), (1254, 718), (5, 3)] {
+            let map = Image::from_fn(width, height, |x, y| (1 + x + 10_000 * y) as u32);
+            let framed = bars.framed_map(&map, size, 0);
+            let cropped = bars.cropped_map(&framed, size);
+            assert_eq!((cropped.width(), cropped.height()), (width, height));
+            let is_near = |(at, &value): (usize, &u32)| {
+                let (x, y) = (at % width, at / width);
+                let (column, row) = ((value as usize - 1) % 10_000, (value as usize - 1) / 10_000);
+                column.abs_diff(x) <= 1 && row.abs_diff(y) <= 1
+            };
+            assert!(cropped.pixels().iter().all(|&value| value > 0), "the bars are left out");
+            assert!(cropped.pixels().iter().enumerate().all(is_near));
+            assert!((width, height) != (inner_width, inner_height) || cropped == map, "to the pixel");
+            // A bar of less than half a row may have none.
+            assert!(framed[(0, 0)] == 0 && (height < 10 || framed[(0, framed.height() - 1)] == 0));
+        }
     }
 
     #[test]

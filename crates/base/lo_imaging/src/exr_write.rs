@@ -1,4 +1,4 @@
-use std::io::{self, Seek, Write};
+use std::io::{self, Cursor};
 
 use exr::image::write::WritableImage;
 use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage, Layer};
@@ -101,13 +101,12 @@ const RESERVED: [&str; 17] = [
     "whiteLuminance",
 ];
 
-/// Encodes scan lines with ZIP compression and Rec. 709 `chromaticities`.
+/// Encodes scan lines with ZIP compression and Rec. 709 `chromaticities`. The same input gives the same bytes.
 pub(crate) fn encode(
     (width, height): (usize, usize),
     groups: &[ChannelGroup],
     options: &ExrOptions,
-    out: &mut (impl Write + Seek),
-) -> io::Result<()> {
+) -> io::Result<Vec<u8>> {
     let bad = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
     let text = |s: &str| Text::new_or_none(s).ok_or_else(|| bad(format!("“{s}” has characters outside Latin-1")));
     let mut channels = Vec::new();
@@ -144,8 +143,71 @@ pub(crate) fn encode(
     }
     let channels = AnyChannels::sort(channels.into_iter().collect());
     let layer = Layer::new((width, height), own, Encoding::SMALL_LOSSLESS, channels);
-    ExrImage::new(attributes, layer).write().non_parallel().to_buffered(out).map_err(|error| match error {
+    let mut file = Cursor::new(Vec::new());
+    ExrImage::new(attributes, layer).write().non_parallel().to_buffered(&mut file).map_err(|error| match error {
         exr::error::Error::Io(error) => error,
         error => bad(error.to_string()),
-    })
+    })?;
+    let mut file = file.into_inner();
+    sort_attributes(&mut file);
+    Ok(file)
+}
+
+/// Length of the magic number and the version, which precede the attributes.
+const PREFIX: usize = 8;
+
+/// Sorts the attributes of a file with one part by name, as the OpenEXR library writes them. The `exr` crate writes
+/// those of no standard name in random order.
+///
+/// An attribute is a name and a type, both terminated by 0, the size of the value in 4 bytes, and the value. An empty
+/// name ends the list. The size of the list does not change, so all offsets of the file remain valid.
+fn sort_attributes(file: &mut [u8]) {
+    let mut attributes: Vec<&[u8]> = Vec::new();
+    let mut rest = &file[PREFIX..];
+    while let Some(size) = attribute_size(rest) {
+        let (attribute, after) = rest.split_at(size);
+        attributes.push(attribute);
+        rest = after;
+    }
+    attributes.sort_by_key(|attribute| attribute.split(|&byte| byte == 0).next());
+    let sorted = attributes.concat();
+    file[PREFIX..PREFIX + sorted.len()].copy_from_slice(&sorted);
+}
+
+/// Returns the length of the attribute that `bytes` begin with, or `None` at the end of the list.
+fn attribute_size(bytes: &[u8]) -> Option<usize> {
+    let name = bytes.iter().position(|&byte| byte == 0).filter(|&length| length > 0)?;
+    let kind = bytes[name + 1..].iter().position(|&byte| byte == 0)?;
+    let value = name + 1 + kind + 1;
+    let size = u32::from_le_bytes(bytes.get(value..value + 4)?.try_into().ok()?);
+    Some(value + 4 + size as usize).filter(|&end| end <= bytes.len())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn the_same_metadata_gives_the_same_bytes() {
+        let names = ["source", "camera", "light", "version-2", "at", "orientation"];
+        let metadata: Vec<_> = names.iter().map(|name| ((*name).to_owned(), format!("value of {name}"))).collect();
+        let options = ExrOptions { metadata, environment: Some(EnvironmentLayout::Cube), ..ExrOptions::default() };
+        let write = || {
+            encode((3, 2), &[ChannelGroup::rgb("", &Image::new(3, 2, vec![[0.25, 0.5, 4.0]; 6]))], &options).unwrap()
+        };
+        let file = write();
+        // Each map of the `exr` crate has its own random order: 6! of them.
+        (0..8).for_each(|_| assert!(write() == file));
+
+        let mut rest = &file[PREFIX..];
+        let mut written = Vec::new();
+        while let Some(size) = attribute_size(rest) {
+            written.push(String::from_utf8(rest.split(|&byte| byte == 0).next().unwrap().to_vec()).unwrap());
+            rest = &rest[size..];
+        }
+        assert!(written.is_sorted(), "{written:?}");
+        assert!(names.iter().all(|name| written.iter().any(|other| other == name)), "{written:?}");
+        assert_eq!(rest[0], 0, "the end of the list");
+    }
 }

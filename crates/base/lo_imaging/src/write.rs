@@ -1,4 +1,4 @@
-use std::io::{self, Cursor};
+use std::io::{self, Cursor, Write};
 use std::path::Path;
 
 use image::codecs::jpeg::JpegEncoder;
@@ -48,7 +48,7 @@ pub fn write_exr(
     options: &ExrOptions,
 ) -> Result<(), ImageError> {
     checked_exr(path.as_ref(), (width, height), groups, |path| {
-        atomically(path, |out| exr_write::encode((width, height), groups, options, out))
+        atomically(path, |out| out.write_all(&exr_write::encode((width, height), groups, options)?))
     })
 }
 
@@ -60,10 +60,8 @@ pub fn encode_exr(
     options: &ExrOptions,
 ) -> Result<Vec<u8>, ImageError> {
     checked_exr(name.as_ref(), (width, height), groups, |path| {
-        let mut bytes = Cursor::new(Vec::new());
-        exr_write::encode((width, height), groups, options, &mut bytes)
-            .map_err(|source| ImageError::Io { path: path.to_owned(), source })?;
-        Ok(bytes.into_inner())
+        exr_write::encode((width, height), groups, options)
+            .map_err(|source| ImageError::Io { path: path.to_owned(), source })
     })
 }
 

@@ -28,14 +28,8 @@ impl Estimator {
         between_bars(&photo.photo, of_picture)
     }
 
-    /// Determines the camera of a photo without EXIF.
-    #[cfg(feature = "depth-models")]
-    pub(crate) fn camera_without_exif(&self, photo: &Photo) -> Result<(Camera, CameraSource), CameraError> {
-        between_bars(photo, |picture| self.camera_of_picture(picture))
-    }
-
     /// Determines the camera of a photo without EXIF and bars.
-    fn camera_of_picture(&self, photo: &Photo) -> Result<(Camera, CameraSource), CameraError> {
+    pub(crate) fn camera_of_picture(&self, photo: &Photo) -> Result<(Camera, CameraSource), CameraError> {
         let (width, height) = (photo.width() as u32, photo.height() as u32);
         let default = Camera::from_hfov_deg(DEFAULT_HFOV_DEG, width, height)?;
         let predicted = self.networks().and_then(|networks| networks.perspective(&working_photo(photo).srgb8(), None));

@@ -7,6 +7,7 @@ use lo_geometry::Camera;
 use lo_imaging::{DepthMap, Image, Photo, resize_depth};
 use lo_scene::{CameraSource, Frame, working_photo};
 
+use crate::framed::FramedPhoto;
 use crate::{EstimateError, EstimateWarning, Estimator, PredictedDepth, stages};
 
 /// Largest ratio between the aspects of depth and photo at which depth is not resampled to the photo's aspect.
@@ -20,7 +21,7 @@ impl Estimator {
     /// `None` where `camera` was given.
     ///
     /// Relative depth is converted to metres by a robust fit to this estimator's own depth network.
-    /// [`EstimateWarning::FittedDepth`] reports how well the two agree.
+    /// [`EstimateWarning::FittedDepth`] reports how well the two agree. The model sees the picture between black bars.
     ///
     /// # Errors
     /// - The errors of [`DepthModel::predict`].
@@ -35,8 +36,24 @@ impl Estimator {
         model: &DepthModel,
         on_event: OnEvent<'_>,
     ) -> Result<(PredictedDepth, Option<CameraSource>), EstimateError> {
+        let Some(framed) = FramedPhoto::of(&photo, camera.as_ref()) else {
+            return self.predict_depth_of_picture(photo, camera, model, on_event);
+        };
+        let camera = camera.map(|camera| framed.camera_of_picture(&camera));
+        let (predicted, source) = self.predict_depth_of_picture(framed.picture(), camera, model, on_event)?;
+        Ok((framed.predicted_depth(predicted), source))
+    }
+
+    /// Predicts the depth of a photo without black bars.
+    fn predict_depth_of_picture(
+        &self,
+        photo: Photo,
+        camera: Option<Camera>,
+        model: &DepthModel,
+        on_event: OnEvent<'_>,
+    ) -> Result<(PredictedDepth, Option<CameraSource>), EstimateError> {
         let (width, height) = (photo.width() as u32, photo.height() as u32);
-        let own_lens = || self.camera_without_exif(&photo).map_err(lo_scene::FrameError::from);
+        let own_lens = || self.camera_of_picture(&photo).map_err(lo_scene::FrameError::from);
         let (known, mut source) = match camera {
             Some(camera) => (Some(camera), None),
             None if model.predicts_field_of_view() => (None, Some(CameraSource::DepthModel)),
@@ -76,8 +93,13 @@ impl Estimator {
         inverse: &Image<f32>,
         on_event: OnEvent<'_>,
     ) -> Result<PredictedDepth, EstimateError> {
-        let depth_m = self.metres_from_inverse(inverse, &photo, &camera, on_event)?;
-        Ok(Frame::new(photo, depth_m, camera, 1.0)?.into())
+        let Some(framed) = FramedPhoto::of(&photo, Some(&camera)) else {
+            let depth_m = self.metres_from_inverse(inverse, &photo, &camera, on_event)?;
+            return Ok(Frame::new(photo, depth_m, camera, 1.0)?.into());
+        };
+        let (picture, camera) = (framed.picture(), framed.camera_of_picture(&camera));
+        let depth_m = self.metres_from_inverse(&framed.cropped(inverse), &picture, &camera, on_event)?;
+        Ok(framed.predicted_depth(Frame::new(picture, depth_m, camera, 1.0)?.into()))
     }
 
     fn metres_from_inverse(

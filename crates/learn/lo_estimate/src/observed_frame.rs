@@ -1,7 +1,7 @@
 use std::collections::HashMap;
 
 use lo_completion::{Enclosure, ShellOptions};
-use lo_geometry::{Camera, Cube, RigidTransform, Vec3};
+use lo_geometry::{Camera, Cube, Vec3};
 use lo_imaging::Image;
 use lo_nets::light::{PhotoView, VisiblePoint};
 use lo_scene::{Frame, ObservedPhoto, Room, Surfel, place_cube};
@@ -38,11 +38,7 @@ impl ObservedFrame {
     /// # Panics
     /// If `normals` differ in size from the depth map.
     pub fn new(working: &Frame, up: Option<Vec3>, normals: Option<&Image<Option<Vec3>>>) -> Option<Self> {
-        let mut observed = ObservedPhoto::new(working, RigidTransform::IDENTITY);
-        if let Some(normals) = normals {
-            observed.override_normals(normals);
-        }
-        Self::from_photos(&[working], &[observed], up)
+        Self::from_photos(&[working], &[ObservedPhoto::first(working, normals)], up)
     }
 
     /// Prepares several frames: each at the working resolution, and as an observed photo. Returns `None` if no depth

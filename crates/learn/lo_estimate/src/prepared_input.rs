@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use lo_completion::{up_from_predicted_depth, up_near};
 use lo_events::{OnEvent, stage, warn};
-use lo_geometry::{Camera, PerspectiveFit, RigidTransform, Vec3};
+use lo_geometry::{Camera, PerspectiveFit, Vec3};
 use lo_imaging::{Image, Photo};
 use lo_nets::{GlobalLight, Networks, PhotoPrediction};
 use lo_scene::{Frame, ObservedPhoto, OtherPhoto, PosedFrame, Surfel, working_photo};
@@ -50,7 +50,7 @@ impl PreparedInput {
             }
             Input::MeasuredDepth(frame) => (frame.into(), false),
             Input::PredictedDepth(predicted) => (predicted, true),
-            Input::Photos { photos, exposures } => return from_photos(photos, exposures, on_event),
+            Input::Photos { photos, exposures } => return from_photos(photos, exposures, networks, on_event),
         };
         let working = stage(on_event, stages::WORKING_RESOLUTION, || frame.working())?;
         if predicted_depth {
@@ -96,10 +96,7 @@ impl PreparedInput {
     /// Returns all photos in the form that completion takes. Computed once.
     pub fn observed(&self) -> &[ObservedPhoto] {
         self.observed.get_or_init(|| {
-            let mut first = ObservedPhoto::new(&self.working, RigidTransform::IDENTITY);
-            if let Some(normals) = &self.normals {
-                first.override_normals(normals);
-            }
+            let first = ObservedPhoto::first(&self.working, self.normals.as_ref());
             let others = self.others.iter();
             let others = others.map(|(other, _)| ObservedPhoto::new(&other.frame, other.first_from_camera));
             std::iter::once(first).chain(others).collect()
@@ -208,6 +205,7 @@ fn at_size(normals: &Image<Vec3>, width: usize, height: usize) -> Image<Option<V
 fn from_photos(
     photos: Vec<PosedFrame>,
     exposures: Exposures,
+    networks: Option<&Networks>,
     on_event: OnEvent<'_>,
 ) -> Result<PreparedInput, EstimateError> {
     let AlignedPhotos { photos, working } = align_photos(photos, exposures, on_event)?;
@@ -219,7 +217,7 @@ fn from_photos(
     let others = working.zip(cameras).collect();
     let (frame, working) = (first.frame, first_working.frame);
     let (global, perspective, predicted_depth) = (None, None, false);
-    Ok(PreparedInput {
+    let mut prepared = PreparedInput {
         frame,
         working,
         others,
@@ -230,5 +228,10 @@ fn from_photos(
         predicted_normals: None,
         normals: None,
         observed: OnceLock::new(),
-    })
+    };
+    // The depth of the other photos agrees with that of the first where they overlap.
+    if let Some(networks) = networks {
+        prepared.compare_depth(networks, on_event)?;
+    }
+    Ok(prepared)
 }

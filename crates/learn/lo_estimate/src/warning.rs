@@ -51,6 +51,8 @@ pub enum EstimateWarning {
     BlackBars {
         /// The bars, in pixels of the photo.
         bars: BlackBars,
+        /// Index of the photo, from 0, if there are several.
+        photo: Option<usize>,
     },
     /// The photo is so wide or high that it may be a stitched panorama; it was taken for that of a pinhole camera.
     WidePhoto {
@@ -129,14 +131,15 @@ impl fmt::Display for EstimateWarning {
                 "the depth map is {} times as near as the built-in network's depth: scale?",
                 two_digits(ratio.recip())
             ),
-            Self::BlackBars { bars: BlackBars { left, top, right, bottom } } => {
+            Self::BlackBars { bars: BlackBars { left, top, right, bottom }, photo } => {
                 let sides = [("left", left), ("top", top), ("right", right), ("bottom", bottom)];
                 let sides: Vec<String> = sides
                     .iter()
                     .filter(|(_, pixels)| **pixels > 0)
                     .map(|(side, pixels)| format!("{pixels} pixels at the {side}"))
                     .collect();
-                write!(f, "black bars around the picture are left out of the estimate: {}", sides.join(", "))
+                let which = photo.map(|photo| format!(" of photo {}", photo + 1)).unwrap_or_default();
+                write!(f, "black bars around the picture{which} are left out of the estimate: {}", sides.join(", "))
             }
             Self::WidePhoto { aspect } => write!(
                 f,

@@ -4,6 +4,7 @@ use burn::module::{Module, ModuleMapper, Param};
 use burn::tensor::{Gradients, Tensor, TensorData};
 use rayon::prelude::*;
 
+use crate::checkpoint::floats;
 use crate::parameter_path::ParameterPath;
 
 /// Adam optimiser (Kingma & Ba 2015) with PyTorch's defaults.
@@ -135,11 +136,6 @@ impl ModuleMapper for StepMapper<'_> {
         let tensor = Tensor::from_data(TensorData::new(values, dims), &device);
         Param::from_mapped_value(id, tensor.require_grad(), mapper)
     }
-}
-
-/// Returns all values of a tensor.
-pub(crate) fn floats<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.into_data().convert::<f32>().try_into_vec().expect("converted to f32 above")
 }
 
 #[cfg(test)]

@@ -7,11 +7,15 @@ use std::fmt::Debug;
 use std::mem::MaybeUninit;
 use std::ops::{Add, MulAssign, Sub};
 
-use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::tensor::FloatTensor;
-use burn::backend::{Autodiff, Backend, Dispatch, Flex, TensorMetadata, backend_extension};
+#[cfg(feature = "training")]
+use burn::backend::{
+    Autodiff,
+    autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy},
+    autodiff::grads::Gradients,
+    autodiff::ops::{Backward, Ops, OpsKind},
+};
+use burn::backend::{Backend, Dispatch, Flex, TensorMetadata, backend_extension};
 use burn::tensor::{DType, Element, Tensor, TensorData};
 use rayon::prelude::*;
 
@@ -99,7 +103,8 @@ pub(crate) fn zeros<T: Copy + Default + Send>(count: usize) -> Vec<T> {
 
 /// Backend extension for kernels. One method for each number of inputs, as burn's dispatch macro does not support
 /// lists.
-#[backend_extension(Flex, Autodiff)]
+#[cfg_attr(feature = "training", backend_extension(Flex, Autodiff))]
+#[cfg_attr(not(feature = "training"), backend_extension(Flex))]
 pub trait KernelOps: Backend {
     /// See [`unary`].
     fn kernel_unary<K: Kernel>(x: FloatTensor<Self>, kernel: K) -> FloatTensor<Self>;
@@ -133,6 +138,7 @@ impl KernelOps for Flex {
     }
 }
 
+#[cfg(feature = "training")]
 impl<B: KernelBackend, C: CheckpointStrategy> KernelOps for Autodiff<B, C> {
     fn kernel_unary<K: Kernel>(x: FloatTensor<Self>, kernel: K) -> FloatTensor<Self> {
         recorded::<B, C, K, 1>([x], kernel)
@@ -170,8 +176,9 @@ impl KernelBackend for Flex {
     fn run<K: Kernel, const N: usize>(inputs: [FloatTensor<Self>; N], kernel: &K) -> FloatTensor<Self> {
         match inputs[0].dtype() {
             DType::F32 => forward_on::<f32, K, N>(&inputs, kernel),
+            #[cfg(feature = "training")]
             DType::F64 => forward_on::<f64, K, N>(&inputs, kernel),
-            other => panic!("kernels compute with F32 and F64, not {other:?}"),
+            other => panic!("kernels compute with F32, and with F64 in gradient checks, not {other:?}"),
         }
     }
 
@@ -184,7 +191,7 @@ impl KernelBackend for Flex {
         match inputs[0].dtype() {
             DType::F32 => backward_on::<f32, K, N>(inputs, gradient, wanted, kernel),
             DType::F64 => backward_on::<f64, K, N>(inputs, gradient, wanted, kernel),
-            other => panic!("kernels compute with F32 and F64, not {other:?}"),
+            other => panic!("kernels compute with F32, and with F64 in gradient checks, not {other:?}"),
         }
     }
 }
@@ -228,9 +235,11 @@ fn backward_on<T: Number, K: Kernel, const N: usize>(
 }
 
 /// A kernel as recorded for the backward pass.
+#[cfg(feature = "training")]
 #[derive(Debug)]
 struct Recorded<K>(K);
 
+#[cfg(feature = "training")]
 impl<B: KernelBackend, K: Kernel, const N: usize> Backward<B, N> for Recorded<K> {
     type State = [FloatTensor<B>; N];
 
@@ -246,6 +255,7 @@ impl<B: KernelBackend, K: Kernel, const N: usize> Backward<B, N> for Recorded<K>
     }
 }
 
+#[cfg(feature = "training")]
 fn recorded<B: KernelBackend, C: CheckpointStrategy, K: Kernel, const N: usize>(
     inputs: [FloatTensor<Autodiff<B, C>>; N],
     kernel: K,

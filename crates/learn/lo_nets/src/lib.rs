@@ -2,6 +2,7 @@
 //!
 //! Only this crate and the trainer depend on burn, the deep-learning stack.
 
+#[cfg(feature = "training")]
 mod adam;
 pub mod checkpoint;
 pub mod conv;
@@ -22,6 +23,7 @@ mod test_time_augmentation;
 mod testing;
 mod tone;
 
+#[cfg(feature = "training")]
 pub use adam::Adam;
 pub use burn::tensor::Device;
 pub use networks::{

@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use lo_dataset::GeneratorConfig;
+use lo_dataset::{CropModel, GeneratorConfig};
 use lo_events::Stage;
 use lo_nets::depth::{DepthLossConfig, EncoderKind, LONGER_SIDE};
 use lo_nets::light::{LightLossConfig, LightNetConfig};
@@ -72,6 +72,8 @@ pub struct DataConfig {
     /// Dataset folder in any layout that `lightoctree-lab dataset` supports. Without any data, rooms are generated on
     /// the fly.
     pub folder: Option<PathBuf>,
+    /// How photos are cropped from the panoramas of `folder`, if its layout has no photos. The seed is the run's.
+    pub crop: CropModel,
     /// Real panoramas to crop photos from. Camera and surrounding light are known; depth only if there is a floor plan.
     pub panoramas: Vec<PanoramaData>,
     /// Real photos with measured depth. Depth and lens are known, light is not.
@@ -175,6 +177,7 @@ impl Default for DataConfig {
     fn default() -> Self {
         Self {
             folder: None,
+            crop: CropModel::default(),
             panoramas: Vec::new(),
             frames: Vec::new(),
             generated_rooms: 1_000_000,

@@ -27,7 +27,11 @@ impl<D: Dataset> Dataset for Oversampled<D> {
     }
 
     fn get(&self, index: usize) -> Result<Sample, DatasetError> {
-        let sample = self.samples.get(index / self.times)?;
+        self.get_in_epoch(index, 0)
+    }
+
+    fn get_in_epoch(&self, index: usize, epoch: u64) -> Result<Sample, DatasetError> {
+        let sample = self.samples.get_in_epoch(index / self.times, epoch)?;
         Ok(Sample { id: format!("{}-{}", sample.id, index % self.times), ..sample })
     }
 

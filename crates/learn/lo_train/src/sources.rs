@@ -27,9 +27,7 @@ impl Sources {
     pub fn open(config: &TrainConfig, seed: u64) -> Result<Self, TrainError> {
         let data = &config.data;
         let rooms: Arc<dyn Dataset> = match &data.folder {
-            Some(folder) => {
-                DatasetLayout::detect(folder)?.open(folder, CropModel { seed, ..CropModel::default() })?.into()
-            }
+            Some(folder) => DatasetLayout::detect(folder)?.open(folder, CropModel { seed, ..data.crop })?.into(),
             // Panoramas or frames alone are enough.
             None if !data.panoramas.is_empty() || !data.frames.is_empty() => Arc::new(ConcatDataset::new(Vec::new())),
             None => {

@@ -24,11 +24,20 @@ impl ObservedPhoto {
         Self { clean, normals, radiance, first_from_camera }
     }
 
-    /// Replaces fitted normals by the given ones, where there are any. They are in the camera's axes.
+    /// Prepares the first photo's frame. `normals`, in the camera's axes, replace the fitted ones where they are
+    /// `Some`.
     ///
     /// # Panics
-    /// If `measured` does not have the depth map's size.
-    pub fn override_normals(&mut self, measured: &Image<Option<Vec3>>) {
+    /// If `normals` do not have the depth map's size.
+    pub fn first(frame: &Frame, normals: Option<&Image<Option<Vec3>>>) -> Self {
+        let mut photo = Self::new(frame, RigidTransform::IDENTITY);
+        if let Some(normals) = normals {
+            photo.override_normals(normals);
+        }
+        photo
+    }
+
+    fn override_normals(&mut self, measured: &Image<Option<Vec3>>) {
         let size = (self.normals.width(), self.normals.height());
         assert_eq!((measured.width(), measured.height()), size, "one normal per depth pixel");
         self.normals

@@ -40,6 +40,11 @@ impl Dataset for ConcatDataset {
         dataset.get(index)
     }
 
+    fn get_in_epoch(&self, index: usize, epoch: u64) -> Result<Sample, DatasetError> {
+        let (dataset, index) = self.dataset(index).ok_or(DatasetError::Index { index, len: self.len() })?;
+        dataset.get_in_epoch(index, epoch)
+    }
+
     fn split(&self, index: usize) -> Split {
         let (dataset, index) = self.dataset(index).expect("the index is below the length");
         dataset.split(index)

@@ -12,7 +12,7 @@ pub trait Dataset: Send + Sync {
         self.len() == 0
     }
 
-    /// Returns the scene of a sample without making or decoding it. [`Split::of`] it is the sample's split.
+    /// Returns the scene of a sample without making or decoding it.
     ///
     /// # Panics
     /// May panic if the index is not below [`len`](Self::len).
@@ -24,13 +24,23 @@ pub trait Dataset: Send + Sync {
     /// If a file cannot be read or is invalid, or the index is out of range.
     fn get(&self, index: usize) -> Result<Sample, DatasetError>;
 
+    /// Makes or reads a sample as it is in an epoch, counted from 0. Datasets whose photos are drawn at random may draw
+    /// others in each epoch; the same index and epoch always return the same sample.
+    ///
+    /// # Errors
+    /// As [`get`](Self::get).
+    fn get_in_epoch(&self, index: usize, epoch: u64) -> Result<Sample, DatasetError> {
+        let _ = epoch;
+        self.get(index)
+    }
+
     /// Returns the number of consecutive samples, starting at a multiple of it, that are made together at little more
     /// than the cost of one: the photos of a generated scene. A loader keeps them together.
     fn block(&self) -> usize {
         1
     }
 
-    /// Returns the split that a sample belongs to.
+    /// Returns the split that a sample belongs to: the published one, or [`Split::of`] its scene.
     fn split(&self, index: usize) -> Split {
         Split::of(&self.scene_id(index))
     }

@@ -129,7 +129,7 @@ impl BlockSource {
         let wanted = |index: &usize| self.config.split.is_none_or(|split| self.dataset.split(*index) == split);
         let made = indices.filter(wanted).map(|index| LoadedSample {
             number: (index - first) as u64,
-            result: self.dataset.get(index).map_err(|source| LoadError {
+            result: self.dataset.get_in_epoch(index, epoch).map_err(|source| LoadError {
                 index,
                 scene_id: self.dataset.scene_id(index).into_owned(),
                 source,

@@ -63,10 +63,16 @@ pub enum Split {
     Train,
     /// One of ten scenes.
     Validation,
+    /// Scenes that the dataset's authors set apart to report figures on. They are in neither of the others.
+    Test,
 }
 
 impl Split {
-    /// Returns the split of a scene. It depends only on the scene's id, so that it never changes.
+    /// Key of the metadata of samples whose dataset has a published split.
+    pub(crate) const KEY: &str = "split";
+
+    /// Returns the split of a scene of a dataset without a published split. It depends only on the scene's id, so that
+    /// it never changes.
     pub fn of(scene_id: &str) -> Self {
         if lo_random::hash(scene_id.as_bytes()).is_multiple_of(10) { Self::Validation } else { Self::Train }
     }

@@ -11,8 +11,8 @@ use crate::{Sample, Split};
 /// Collects statistics of samples.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
-    samples: [usize; 2],
-    scenes: [BTreeSet<String>; 2],
+    samples: [usize; 3],
+    scenes: [BTreeSet<String>; 3],
     views: usize,
     points: usize,
     luminance: Bins,
@@ -27,10 +27,10 @@ pub struct SummaryReport {
     pub samples: usize,
     /// Number of rooms.
     pub scenes: usize,
-    /// Number of photos for training and for validation.
-    pub samples_by_split: [usize; 2],
-    /// Number of rooms for training and for validation.
-    pub scenes_by_split: [usize; 2],
+    /// Number of photos for training, validation and test.
+    pub samples_by_split: [usize; 3],
+    /// Number of rooms for training, validation and test.
+    pub scenes_by_split: [usize; 3],
     /// Number of panoramas.
     pub views: usize,
     /// Number of surface points.
@@ -89,9 +89,13 @@ impl Bins {
 }
 
 impl Summary {
-    /// Adds a sample.
-    pub fn add(&mut self, sample: &Sample) {
-        let part = usize::from(Split::of(&sample.scene_id) == Split::Validation);
+    /// Adds a sample of this split of its dataset.
+    pub fn add(&mut self, sample: &Sample, split: Split) {
+        let part = match split {
+            Split::Train => 0,
+            Split::Validation => 1,
+            Split::Test => 2,
+        };
         self.samples[part] += 1;
         self.scenes[part].insert(sample.scene_id.clone());
         self.views += sample.views.len();
@@ -149,7 +153,7 @@ impl Summary {
         let mut figures: Vec<Distribution> =
             self.figures.iter().map(|(name, values)| distribution(name, values)).collect();
         figures.sort_by_key(|figure| figure.name);
-        let scenes_by_split = [self.scenes[0].len(), self.scenes[1].len()];
+        let scenes_by_split = self.scenes.each_ref().map(BTreeSet::len);
         SummaryReport {
             samples: self.samples.iter().sum(),
             scenes: scenes_by_split.iter().sum(),
@@ -209,11 +213,12 @@ mod tests {
             }
         }
         view[(3, 4)] = [1024.0; 3];
-        summary.add(&sample);
-        summary.add(&Sample { scene_id: "other".into(), views: Vec::new(), radiance: None, ..sample.clone() });
+        summary.add(&sample, Split::Train);
+        let other = Sample { scene_id: "other".into(), views: Vec::new(), radiance: None, ..sample.clone() };
+        summary.add(&other, Split::Test);
         let report = summary.report();
         assert_eq!((report.samples, report.scenes, report.views, report.points), (2, 2, 1, 40));
-        assert_eq!(report.samples_by_split.iter().sum::<usize>(), 2);
+        assert_eq!((report.samples_by_split, report.scenes_by_split), ([1, 0, 1], [1, 0, 1]));
         let bin = |log2: f32| report.log2_luminance.shares[(log2 - FIRST_LOG2) as usize];
         assert!((bin(0.5) - 0.5).abs() < 1e-5 && bin(-3.5) > 0.45 && bin(10.0) > 0.0 && bin(10.0) < 0.02);
         assert!((report.depth_m.shares.iter().sum::<f32>() - 1.0).abs() < 1e-5);

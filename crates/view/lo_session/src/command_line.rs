@@ -43,7 +43,7 @@ fn light_options(state: &State) -> Vec<String> {
     if state.lights.inferred.is_none() {
         return Vec::new();
     }
-    let InferredLight { light, tuning: LightTuning { contrast, warmth_ev, white } } = state.inferred();
+    let InferredLight { light, tuning: LightTuning { contrast, warmth_ev, white } } = state.inferred_light();
     let usual = LightTuning::default();
     let changed = |value: f32, usual: f32| (value != usual).then(|| value.to_string());
     let options = [

@@ -16,7 +16,7 @@ pub struct LitSceneCache {
     /// The last scene whose lamps are only previewed.
     draft: Mutex<Option<CachedScene>>,
     /// Lights by choice, newest last.
-    laid: Mutex<Vec<Arc<AppliedLight>>>,
+    applied: Mutex<Vec<Arc<AppliedLight>>>,
     /// Locked while lamps are fitted.
     fitting: Mutex<()>,
 }
@@ -31,8 +31,8 @@ struct CachedScene {
 impl LitSceneCache {
     /// Creates a cache for one scene.
     pub fn new(scene: Arc<OpenScene>) -> Self {
-        let laid = Mutex::new(vec![Arc::new(scene.fitted.default_light().clone())]);
-        Self { scene, last: Mutex::default(), draft: Mutex::default(), laid, fitting: Mutex::default() }
+        let applied = Mutex::new(vec![Arc::new(scene.fitted.default_light().clone())]);
+        Self { scene, last: Mutex::default(), draft: Mutex::default(), applied, fitting: Mutex::default() }
     }
 
     /// Returns the scene.
@@ -57,12 +57,12 @@ impl LitSceneCache {
     pub fn lit(&self, state: &State) -> Result<Arc<LitScene>, SessionError> {
         match self.seen_from(state)? {
             None => {
-                let laid = self.laid(&state.inferred())?;
-                cached(&self.last, state, None, || Ok(self.scene.fitted.lit(&laid, &state.lights)?))
+                let applied = self.applied(&state.inferred_light())?;
+                cached(&self.last, state, None, || Ok(self.scene.fitted.lit(&applied, &state.lights)?))
             }
             Some(at) => cached(&self.last, state, Some(at), || {
                 let fitted = FittedLight::for_viewpoint(&self.scene.document.estimate, at);
-                Ok(fitted.lit(&fitted.apply(&state.inferred())?, &state.lights)?)
+                Ok(fitted.lit(&fitted.apply(&state.inferred_light())?, &state.lights)?)
             }),
         }
     }
@@ -73,15 +73,15 @@ impl LitSceneCache {
     /// # Errors
     /// Those of [`LitSceneCache::lit`].
     pub fn lit_draft(&self, state: &State) -> Result<Arc<LitScene>, SessionError> {
-        let inferred = state.inferred();
+        let inferred = state.inferred_light();
         if self.seen_from(state)?.is_some() || self.fitted_light(&inferred).is_some() {
             return self.lit(state);
         }
         cached(&self.draft, state, None, || {
-            let like = locked(&self.laid).last().cloned();
+            let like = locked(&self.applied).last().cloned();
             let fitted = &self.scene.fitted;
-            let laid = fitted.preview(&inferred, like.as_deref().unwrap_or(fitted.default_light()))?;
-            Ok(fitted.lit(&laid, &state.lights)?)
+            let applied = fitted.preview(&inferred, like.as_deref().unwrap_or(fitted.default_light()))?;
+            Ok(fitted.lit(&applied, &state.lights)?)
         })
     }
 
@@ -90,21 +90,21 @@ impl LitSceneCache {
     }
 
     fn fitted_light(&self, inferred: &InferredLight) -> Option<Arc<AppliedLight>> {
-        locked(&self.laid).iter().find(|laid| laid.choice() == inferred).cloned()
+        locked(&self.applied).iter().find(|light| light.choice() == inferred).cloned()
     }
 
-    fn laid(&self, inferred: &InferredLight) -> Result<Arc<AppliedLight>, SessionError> {
+    fn applied(&self, inferred: &InferredLight) -> Result<Arc<AppliedLight>, SessionError> {
         // Concurrent callers share one result.
         let _fitting = locked(&self.fitting);
-        if let Some(laid) = self.fitted_light(inferred) {
-            return Ok(laid);
+        if let Some(applied) = self.fitted_light(inferred) {
+            return Ok(applied);
         }
         let new = Arc::new(self.scene.fitted.apply(inferred)?);
-        let mut laid = locked(&self.laid);
-        if laid.len() >= MAX_CACHED_LIGHTS {
-            laid.remove(0);
+        let mut applied = locked(&self.applied);
+        if applied.len() >= MAX_CACHED_LIGHTS {
+            applied.remove(0);
         }
-        laid.push(new.clone());
+        applied.push(new.clone());
         Ok(new)
     }
 }

@@ -39,7 +39,7 @@ impl State {
     }
 
     /// Returns the effective choice of light for unobserved regions.
-    pub fn inferred(&self) -> InferredLight {
+    pub fn inferred_light(&self) -> InferredLight {
         self.lights.inferred.unwrap_or_default().in_effect()
     }
 

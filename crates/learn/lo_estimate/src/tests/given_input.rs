@@ -3,12 +3,13 @@
 use std::ops::ControlFlow;
 
 use lo_events::Event;
-use lo_geometry::{Camera, Distortion};
+use lo_geometry::{Camera, Distortion, RigidTransform};
 use lo_imaging::{BlackBars, DepthMap, Image, Photo, PhotoFile, SpecialProjection};
-use lo_scene::{Completion, Frame, Undistortion};
+use lo_scene::{Completion, Frame, PosedFrame, Undistortion};
 
 use crate::{
-    DepthSource, EstimateError, EstimateOptions, EstimateWarning, Estimator, Input, PhotoRequest, ResolvedPhoto,
+    DepthSource, EstimateError, EstimateOptions, EstimateWarning, Estimator, Exposures, Input, PhotoRequest,
+    ResolvedPhoto,
 };
 
 const BARS: BlackBars = BlackBars { left: 8, top: 20, right: 12, bottom: 24 };
@@ -52,16 +53,22 @@ fn black_bars_are_no_part_of_the_room() {
     let plain = estimate(Input::MeasuredDepth(frame.clone()));
     let measured = estimate(Input::MeasuredDepth(whole.clone()));
     let predicted = estimate(Input::PredictedDepth(whole.clone().into()));
+    let posed = PosedFrame { frame: whole.clone(), first_from_camera: RigidTransform::IDENTITY };
+    let posed = estimate(Input::Photos { photos: vec![posed], exposures: Exposures::Known });
     assert!(measured.light == plain.light && measured.room == plain.room);
-    for scene in [measured, predicted] {
+    assert!(posed.light == plain.light && posed.room == plain.room);
+    for scene in [measured, predicted, posed] {
         // The scene has the whole photo, without depth in its bars.
         assert!(scene.frame.photo == whole.photo && scene.frame.camera == whole.camera);
         let depth_m = &scene.frame.depth_m;
         assert_eq!((depth_m[(BARS.left, BARS.top)], depth_m[(0, 0)]), (frame.depth_m[(0, 0)], 0.0));
         assert_eq!(depth_m.pixels().iter().filter(|&&z| z > 0.0).count(), 96 * 64);
     }
-    let expected = EstimateWarning::BlackBars { bars: BARS };
+    let expected = EstimateWarning::BlackBars { bars: BARS, photo: None };
     assert_eq!(bars.iter().filter(|&warning| *warning == expected).count(), 2, "{bars:?}");
+    let of_photo = EstimateWarning::BlackBars { bars: BARS, photo: Some(0) };
+    assert_eq!(bars.iter().filter(|&warning| *warning == of_photo).count(), 1, "{bars:?}");
+    assert!(of_photo.to_string().starts_with("black bars around the picture of photo 1 are"), "{of_photo}");
     assert!(expected.to_string().contains("8 pixels at the left, 20 pixels at the top"), "{expected}");
 }
 
@@ -132,7 +139,8 @@ fn distortion_is_undone_in_photo_and_depth() {
     assert!(matches!(error, Err(EstimateError::Undistortion(_))), "{error:?}");
 }
 
-/// Given depth is compared with the network's, whose light and orientation serve the estimate.
+/// Given depth, of the first photo if there are several, is compared with the network's, whose light and orientation
+/// serve the estimate.
 #[test]
 fn one_pass_of_the_network_compares_depth_and_predicts_light() {
     let estimator = super::estimator(&super::config(), &[]);
@@ -148,7 +156,11 @@ fn one_pass_of_the_network_compares_depth_and_predicts_light() {
         estimator.estimate(input, &options, hear).unwrap();
         begun
     };
-    let begun = stages(Input::MeasuredDepth(corner()));
-    assert!(begun.contains(&crate::stages::DEPTH_AND_GLOBAL_LIGHT), "{begun:?}");
-    assert!(!begun.contains(&crate::stages::GLOBAL_LIGHT), "{begun:?}");
+    let posed = PosedFrame { frame: corner(), first_from_camera: RigidTransform::IDENTITY };
+    let posed = Input::Photos { photos: vec![posed.clone(), posed], exposures: Exposures::Known };
+    for begun in [stages(Input::MeasuredDepth(corner())), stages(posed)] {
+        let passes = begun.iter().filter(|&stage| *stage == crate::stages::DEPTH_AND_GLOBAL_LIGHT).count();
+        assert_eq!(passes, 1, "{begun:?}");
+        assert!(!begun.contains(&crate::stages::GLOBAL_LIGHT), "{begun:?}");
+    }
 }

@@ -65,7 +65,7 @@ impl BlockProduct<'_> {
         assert!(left + STEP <= self.left.len(), "a step exceeds the left operand");
         let right = last + self.first + (TILE - 1) * self.right_stride;
         assert!(right + BLOCK <= self.right.len(), "a step exceeds the right operand");
-        #[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+        #[cfg(all(feature = "training", target_arch = "x86_64", target_os = "linux"))]
         if available() {
             // SAFETY: processor and operating system support AMX; the assertions above keep all reads within the
             // slices.
@@ -94,7 +94,7 @@ impl BlockProduct<'_> {
 
     /// # Safety
     /// AMX is [`available`], there is at least one step, and no step exceeds the slices.
-    #[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+    #[cfg(all(feature = "training", target_arch = "x86_64", target_os = "linux"))]
     #[allow(unsafe_code)]
     unsafe fn amx_block(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         let [a, b] = self.halves.map(|start| self.left[start..].as_ptr());
@@ -148,7 +148,7 @@ impl BlockProduct<'_> {
 }
 
 /// Configures eight tiles of 16 rows of 64 bytes (Intel's manual, volume 1, 18.3).
-#[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+#[cfg(all(feature = "training", target_arch = "x86_64", target_os = "linux"))]
 static TILE_CONFIG: TileConfig = {
     let mut bytes = [0; 64];
     bytes[0] = 1;
@@ -161,7 +161,7 @@ static TILE_CONFIG: TileConfig = {
     TileConfig(bytes)
 };
 
-#[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+#[cfg(all(feature = "training", target_arch = "x86_64", target_os = "linux"))]
 #[repr(C, align(64))]
 struct TileConfig([u8; 64]);
 
@@ -171,12 +171,12 @@ pub fn available() -> bool {
     *AVAILABLE
 }
 
-#[cfg(not(all(feature = "amx", target_arch = "x86_64", target_os = "linux")))]
+#[cfg(not(all(feature = "training", target_arch = "x86_64", target_os = "linux")))]
 fn detect() -> bool {
     false
 }
 
-#[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+#[cfg(all(feature = "training", target_arch = "x86_64", target_os = "linux"))]
 #[allow(unsafe_code)]
 fn detect() -> bool {
     use std::arch::x86_64::{__cpuid, __cpuid_count};

@@ -2,6 +2,9 @@
 #![allow(clippy::unwrap_used)]
 
 mod encoder_weights;
+#[path = "../../../../rooms/lo_dataset/tests/it/layouts.rs"]
+#[expect(dead_code, reason = "other layouts are not trained on")]
+mod layouts;
 mod overfit;
 mod run;
 mod size;

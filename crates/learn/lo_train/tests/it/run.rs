@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use lo_dataset::{Generator, GeneratorConfig, Split, write_shard};
+use lo_dataset::{CropModel, Generator, GeneratorConfig, Split, write_shard};
 use lo_events::{Event, Figure};
 use lo_nets::Networks;
 use lo_nets::checkpoint::Checkpoint;
@@ -150,6 +150,41 @@ fn a_run_goes_on_as_if_it_had_not_stopped() {
         let steps = lines.iter().filter(|line| line["means"].is_object()).map(|line| line["total_steps"].as_u64());
         assert!(steps.map(Option::unwrap).eq([1, 2, 4, 6, 8]), "{log}");
     }
+}
+
+#[test]
+fn futurehouse_trains_every_stage() {
+    let folder = tempfile::tempdir().unwrap();
+    let [data, out] = ["data", "out"].map(|name| folder.path().join(name));
+    crate::layouts::futurehouse(&data);
+    std::fs::write(data.join("split.json"), r#"{"train": ["000123"], "val": ["000777"], "test": []}"#).unwrap();
+    std::fs::create_dir(&out).unwrap();
+    let crop = CropModel {
+        width: 120,
+        height: 80,
+        panorama_height: 32,
+        crops: 4,
+        anew_each_epoch: true,
+        ..Default::default()
+    };
+    let mut config = TrainConfig { data: DataConfig { folder: Some(data), crop, ..DataConfig::default() }, ..config() };
+    config.depth.truncate(1);
+    config.light.truncate(1);
+    let (cancelled, events) = run(&config, &out, false, u64::MAX);
+    let warnings: Vec<&Event> = events.iter().filter(|event| matches!(event, Event::Warning(_))).collect();
+    assert!(!cancelled && warnings.is_empty(), "{warnings:?}");
+    // The house of the published validation part has been measured.
+    let reports = events.iter().filter_map(|event| match event {
+        Event::Figures { stage, figures } if *stage == stages::VALIDATION => Some(figures),
+        _ => None,
+    });
+    let last = reports.last().unwrap();
+    let found = |name: &str| last.iter().find(|figure| figure.name == name).map(|figure| figure.value);
+    assert!(found("depth_abs_rel").is_some_and(|value| value > 0.0), "{last:?}");
+    assert!(
+        found("psnr_db").is_some_and(f64::is_finite) && found("true_octree_psnr_db") > found("psnr_db"),
+        "{last:?}"
+    );
 }
 
 #[test]

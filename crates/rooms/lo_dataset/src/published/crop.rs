@@ -23,6 +23,8 @@ pub struct CropModel {
     pub panorama_height: usize,
     /// Photos per panorama, in directions all around.
     pub crops: u32,
+    /// Whether every epoch has other photos. Otherwise they repeat.
+    pub anew_each_epoch: bool,
     /// Horizontal field of view, in degrees.
     pub hfov_deg: Interval,
     /// Pitch in degrees, positive upwards.
@@ -45,6 +47,7 @@ impl Default for CropModel {
             height: 320,
             panorama_height: 128,
             crops: 1,
+            anew_each_epoch: false,
             hfov_deg: Interval::new(50.0, 90.0),
             pitch_deg: Interval::new(-15.0, 15.0),
             roll_deg: Interval::new(-2.0, 2.0),
@@ -81,12 +84,14 @@ impl PanoramaMaps<'_> {
 }
 
 impl CropModel {
-    /// Makes crop number `crop` of the panorama `id`: a record with that photo, and the panorama as ground truth at the
-    /// camera.
+    /// Makes crop number `crop` of the panorama `id` in an epoch: a record with that photo, and the panorama as ground
+    /// truth at the camera.
     ///
     /// The random choices depend on the id, not on the panorama's index in the folder.
-    pub(super) fn crop(&self, id: &str, scene_id: String, crop: usize, maps: &PanoramaMaps) -> Record {
-        let mut stream = lo_random::stream(self.seed ^ lo_random::hash(id.as_bytes()), "crop", crop as u64);
+    pub(super) fn crop(&self, id: &str, scene_id: String, (crop, epoch): (usize, u64), maps: &PanoramaMaps) -> Record {
+        let drawn_before = if self.anew_each_epoch { epoch * u64::from(self.crops.max(1)) } else { 0 };
+        let number = crop as u64 + drawn_before;
+        let mut stream = lo_random::stream(self.seed ^ lo_random::hash(id.as_bytes()), "crop", number);
         let camera = self.camera(&mut stream);
         // Crops are spread around the circle, so that a few of them cover the whole room.
         let yaw = std::f32::consts::TAU * (crop as f32 + stream.random::<f32>()) / self.crops.max(1) as f32;

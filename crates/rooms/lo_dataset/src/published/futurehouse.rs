@@ -1,13 +1,16 @@
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use lo_geometry::{Quat, Vec3, pixel_direction};
 use lo_imaging::{DepthMap, Image, RadianceImage, read_radiance};
 use lo_random::seq::SliceRandom;
+use serde::Deserialize;
 
 use super::crop::{CropModel, PanoramaMaps, pixel_at};
 use super::files::{entries, folders, name, read_panorama};
-use crate::{Dataset, DatasetError, NovelView, Record, Sample};
+use super::panorama_depth::{filled, traced_m};
+use crate::{Dataset, DatasetError, NovelView, Record, Sample, Split};
 
 /// Metres per unit of `_depth.hdr`: the authors' reader multiplies by 10 / 2.
 const METRES: f32 = 5.0;
@@ -23,11 +26,50 @@ const PROBES: usize = 6;
 /// `<id>/ue4_result/LightProbeData/<i>_light.exr`. Both are in one folder, or below `KePanoData` and `KePanoLight`.
 ///
 /// Photos are cropped from the panoramas. The ground truth is the panorama at the camera and up to six probes in the
-/// photo, if there are any.
+/// photo, if there are any. Surface points are the panorama's pixels; those without depth, such as windows, are at the
+/// nearest known depth. Distances of a probe are traced through the panorama's depth; behind what the panorama shows
+/// they are unknown.
+///
+/// The authors' `split.json`, in the folder or beside it, assigns the houses to training, validation and test. Houses
+/// that it does not name, or all without it, are assigned by [`Split::of`].
 #[derive(Debug)]
 pub struct FutureHouse {
     panoramas: Vec<Panorama>,
+    splits: HashMap<String, Split>,
     model: CropModel,
+}
+
+/// The authors' `split.json`.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PublishedSplit {
+    train: Vec<String>,
+    val: Vec<String>,
+    test: Vec<String>,
+}
+
+impl PublishedSplit {
+    const FILE: &str = "split.json";
+
+    /// Reads the file in one of these folders, if there is one.
+    fn read<'a>(folders: impl IntoIterator<Item = &'a Path>) -> Result<HashMap<String, Split>, DatasetError> {
+        let Some(path) = folders.into_iter().map(|folder| folder.join(Self::FILE)).find(|path| path.is_file()) else {
+            return Ok(HashMap::new());
+        };
+        let text = std::fs::read(&path).map_err(DatasetError::io(&path))?;
+        let Self { train, val, test } =
+            serde_json::from_slice(&text).map_err(|error| DatasetError::field(&path, "split", error))?;
+        let mut splits = HashMap::new();
+        for (houses, split) in [(train, Split::Train), (val, Split::Validation), (test, Split::Test)] {
+            for house in houses {
+                if splits.get(&house).is_some_and(|other| *other != split) {
+                    return Err(DatasetError::field(&path, "split", format!("{house} is in two parts")));
+                }
+                splits.insert(house, split);
+            }
+        }
+        Ok(splits)
+    }
 }
 
 #[derive(Debug)]
@@ -48,7 +90,7 @@ impl FutureHouse {
     /// Opens the panoramas of a folder.
     ///
     /// # Errors
-    /// If a folder cannot be read, or there is no panorama.
+    /// If a folder or `split.json` cannot be read, or there is no panorama.
     pub fn open(folder: &Path, model: CropModel) -> Result<Self, DatasetError> {
         let (data, light) = match folder.join("KePanoData") {
             split if split.is_dir() => (split, folder.join("KePanoLight")),
@@ -71,7 +113,8 @@ impl FutureHouse {
         if panoramas.is_empty() {
             return Err(DatasetError::layout(&data, "contains no <id>/ue4_result/CubemapData/<i>_image.hdr"));
         }
-        Ok(Self { panoramas, model })
+        let splits = PublishedSplit::read([folder, &data].into_iter().chain(folder.parent()))?;
+        Ok(Self { panoramas, splits, model })
     }
 
     fn crops(&self) -> usize {
@@ -89,6 +132,10 @@ impl Dataset for FutureHouse {
     }
 
     fn get(&self, index: usize) -> Result<Sample, DatasetError> {
+        self.get_in_epoch(index, 0)
+    }
+
+    fn get_in_epoch(&self, index: usize, epoch: u64) -> Result<Sample, DatasetError> {
         let len = self.len();
         let panorama = self.panoramas.get(index / self.crops()).ok_or(DatasetError::Index { index, len })?;
         let radiance = read_panorama(&panorama.image)?;
@@ -101,14 +148,27 @@ impl Dataset for FutureHouse {
         } else {
             None
         };
-        let maps =
-            PanoramaMaps { radiance: &radiance, depth_m: Some(&depth_m), enclosure_m: None, albedo: albedo.as_ref() };
+        let enclosure_m = filled(&depth_m);
+        let maps = PanoramaMaps {
+            radiance: &radiance,
+            depth_m: Some(&depth_m),
+            enclosure_m: Some(&enclosure_m),
+            albedo: albedo.as_ref(),
+        };
         let id = format!("{}-{}", panorama.house, panorama.number);
-        let mut record = self.model.crop(&id, panorama.house.clone(), index % self.crops(), &maps);
+        let mut record = self.model.crop(&id, panorama.house.clone(), (index % self.crops(), epoch), &maps);
+        if let Some(split) = self.splits.get(&panorama.house) {
+            record.shots[0].metadata.insert(Split::KEY.to_owned(), serde_json::json!(split));
+        }
         if let Some(light) = &panorama.light {
-            add_probes(light, &depth_m, self.model.seed, &mut record)?;
+            add_probes(light, &depth_m, &enclosure_m, self.model.seed, &mut record)?;
         }
         Ok(record.into_sample())
+    }
+
+    fn split(&self, index: usize) -> Split {
+        let house = &self.panoramas[index / self.crops()].house;
+        self.splits.get(house).copied().unwrap_or_else(|| Split::of(house))
     }
 }
 
@@ -143,7 +203,13 @@ fn check_size(path: &Path, image: &RadianceImage, like: &RadianceImage) -> Resul
 
 /// Adds the probes that the photo observes. Probe (column, row) of the grid is at the surface seen by the panorama's
 /// pixel at the same relative position.
-fn add_probes(path: &Path, depth_m: &DepthMap, seed: u64, record: &mut Record) -> Result<(), DatasetError> {
+fn add_probes(
+    path: &Path,
+    depth_m: &DepthMap,
+    enclosure_m: &DepthMap,
+    seed: u64,
+    record: &mut Record,
+) -> Result<(), DatasetError> {
     let light = read_radiance(path)?;
     let (width, height) = (light.width(), light.height());
     let (columns, rows) = (width / (2 * PROBE_HEIGHT), height / PROBE_HEIGHT);
@@ -157,7 +223,11 @@ fn add_probes(path: &Path, depth_m: &DepthMap, seed: u64, record: &mut Record) -
     let mut seen: Vec<(usize, usize, Vec3)> = Vec::new();
     for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
         let direction = pixel_direction(column, row, columns, rows);
-        let position = direction * depth_m[pixel_at(depth_m, direction)];
+        let distance_m = depth_m[pixel_at(depth_m, direction)];
+        if distance_m <= 0.0 {
+            continue;
+        }
+        let position = direction * distance_m;
         let inside = shot.camera.project(camera_from_record * position).is_some_and(|(u, v, _)| {
             u >= 0.0 && v >= 0.0 && u < f64::from(shot.camera.width) && v < f64::from(shot.camera.height)
         });
@@ -182,7 +252,16 @@ fn add_probes(path: &Path, depth_m: &DepthMap, seed: u64, record: &mut Record) -
             continue;
         }
         record.shots[0].views.push(record.views.len());
-        record.views.push(NovelView { position_m, rotation: Quat::IDENTITY, radiance: probe, depth_m: None });
+        let distance_m = Image::from_fn(2 * PROBE_HEIGHT, PROBE_HEIGHT, |x, y| {
+            let direction = pixel_direction(x, y, 2 * PROBE_HEIGHT, PROBE_HEIGHT);
+            traced_m(enclosure_m, position_m, direction).unwrap_or(0.0)
+        });
+        record.views.push(NovelView {
+            position_m,
+            rotation: Quat::IDENTITY,
+            radiance: probe,
+            depth_m: Some(distance_m),
+        });
     }
     Ok(())
 }

@@ -6,6 +6,7 @@ mod frames;
 mod futurehouse;
 mod interiornet;
 mod laval;
+mod panorama_depth;
 mod panoramas;
 mod room_plan;
 

@@ -108,6 +108,10 @@ impl Dataset for Panoramas {
     }
 
     fn get(&self, index: usize) -> Result<Sample, DatasetError> {
+        self.get_in_epoch(index, 0)
+    }
+
+    fn get_in_epoch(&self, index: usize, epoch: u64) -> Result<Sample, DatasetError> {
         let PanoramaFile { path, room, photos } =
             self.file_of(index).ok_or(DatasetError::Index { index, len: self.len() })?;
         let radiance = read_panorama(path)?;
@@ -117,7 +121,7 @@ impl Dataset for Panoramas {
         });
         let [depth_m, enclosure_m] = [0, 1].map(|which| distances.map(|both| &both[which]));
         let maps = PanoramaMaps { radiance: &radiance, depth_m, enclosure_m, albedo: None };
-        Ok(self.model.crop(&stem(path), stem(path), index - photos.start, &maps).into_sample())
+        Ok(self.model.crop(&stem(path), stem(path), (index - photos.start, epoch), &maps).into_sample())
     }
 
     fn split(&self, index: usize) -> Split {

@@ -1,9 +1,11 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+use serde::Deserialize;
+
 use super::index::{RecordIndex, ShardIndex};
 use super::pack::{HEADER, MemberError, header, unpack};
-use crate::{Dataset, DatasetError, Sample};
+use crate::{Dataset, DatasetError, Sample, Split};
 
 /// All shards of a folder, with random access.
 ///
@@ -12,7 +14,15 @@ use crate::{Dataset, DatasetError, Sample};
 pub struct Shards {
     shards: Vec<ShardIndex>,
     samples: Vec<ShotIndex>,
-    scene_ids: Vec<String>,
+    scenes: Vec<Scene>,
+}
+
+/// The room of a record.
+#[derive(Debug)]
+struct Scene {
+    id: String,
+    /// The split in the metadata, which converted datasets with a published split have.
+    split: Option<Split>,
 }
 
 /// Location of a sample.
@@ -35,7 +45,7 @@ impl Shards {
         if paths.is_empty() {
             return Err(DatasetError::layout(path, "contains no .tar archive"));
         }
-        let mut this = Self { shards: Vec::new(), samples: Vec::new(), scene_ids: Vec::new() };
+        let mut this = Self { shards: Vec::new(), samples: Vec::new(), scenes: Vec::new() };
         for path in paths {
             this.add(ShardIndex::read(&path)?)?;
         }
@@ -46,8 +56,10 @@ impl Shards {
         for (number, record) in shard.records.iter().enumerate() {
             let bytes = member(&shard, record, HEADER).map_err(|error| located(&shard, record, error))?;
             let header = header(&bytes).map_err(|error| located(&shard, record, error))?;
-            let scene = self.scene_ids.len() as u32;
-            self.scene_ids.push(header.scene_id);
+            let scene = self.scenes.len() as u32;
+            let metadata = header.shots.first().map(|shot| &shot.metadata);
+            let split = metadata.and_then(|metadata| Split::deserialize(metadata.get(Split::KEY)?).ok());
+            self.scenes.push(Scene { id: header.scene_id, split });
             self.samples.extend((0..header.shots.len()).map(|shot| ShotIndex {
                 shard: self.shards.len() as u32,
                 record: number as u32,
@@ -66,7 +78,12 @@ impl Dataset for Shards {
     }
 
     fn scene_id(&self, index: usize) -> Cow<'_, str> {
-        self.scene_ids[self.samples[index].scene as usize].as_str().into()
+        self.scenes[self.samples[index].scene as usize].id.as_str().into()
+    }
+
+    fn split(&self, index: usize) -> Split {
+        let Scene { id, split } = &self.scenes[self.samples[index].scene as usize];
+        split.unwrap_or_else(|| Split::of(id))
     }
 
     fn get(&self, index: usize) -> Result<Sample, DatasetError> {

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod consistency;
+mod layouts;
 mod mattes;
 mod published;
 mod shards;

@@ -1,14 +1,16 @@
 //! Readers of published datasets, on small fixtures in the published layouts and on real panoramas.
 
 use std::path::Path;
+use std::sync::Arc;
 
-use lo_dataset::{CropModel, Dataset, DatasetLayout, Panoramas, Sample, Split};
-use lo_geometry::{Vec3, pixel_direction, uv_from_direction};
-use lo_imaging::{
-    DepthMap, ExrOptions, Image, RadianceImage, linear_from_srgb8, sample_equirectangular, write_depth, write_radiance,
-    write_srgb8,
+use lo_dataset::{
+    CropModel, Dataset, DatasetLayout, Panoramas, Sample, ShardFolder, Shards, Split, convert_to_shards, indices_of,
 };
+use lo_geometry::{Vec3, pixel_direction, uv_from_direction};
+use lo_imaging::{DepthMap, Image, linear_from_srgb8, sample_equirectangular, write_depth, write_srgb8};
 use lo_testdata::{panoramas, shared_data};
+
+use crate::layouts::{direction_map, futurehouse, hdr, interiornet, room_distance};
 
 /// Small photos, three per panorama.
 fn small() -> CropModel {
@@ -23,16 +25,6 @@ fn small() -> CropModel {
     }
 }
 
-fn hdr(path: &Path, image: &RadianceImage) {
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    write_radiance(path, image, &ExrOptions::default()).unwrap();
-}
-
-/// Radiance that encodes the direction: its components, shifted to be positive.
-fn direction_map(width: usize, height: usize) -> RadianceImage {
-    Image::from_fn(width, height, |x, y| (pixel_direction(x, y, width, height) * 0.5 + Vec3::splat(0.6)).to_array())
-}
-
 /// Asserts that the sample's panorama has the radiance of the photo's pixels.
 fn assert_panorama_agrees(sample: &Sample, view: usize) {
     let radiance = sample.radiance.as_ref().unwrap();
@@ -45,32 +37,6 @@ fn assert_panorama_agrees(sample: &Sample, view: usize) {
             assert!((a - b).abs() < 0.05 * b + 0.01, "({x}, {y}) channel {c}: {a} in the panorama, {b} in the photo");
         }
     }
-}
-
-fn futurehouse(root: &Path) {
-    for house in ["000123", "000777"] {
-        let cubemaps = root.join(house).join("ue4_result").join("CubemapData");
-        let map = direction_map(64, 32);
-        hdr(&cubemaps.join("0_image.hdr"), &map);
-        // A box room of 4 × 3 × 6 m: 0.2 units are a metre.
-        let depth = Image::from_fn(64, 32, |x, y| [room_distance(pixel_direction(x, y, 64, 32)) / 5.0; 3]);
-        hdr(&cubemaps.join("0_depth.hdr"), &depth);
-        for what in ["albedo", "normal", "roughness", "metallic", "mask"] {
-            hdr(&cubemaps.join(format!("0_{what}.hdr")), &Image::new(64, 32, vec![[0.5; 3]; 64 * 32]));
-        }
-    }
-    // A grid of 8 × 4 probes, each with its own brightness, rotated by 180° from the panorama.
-    let light = Image::from_fn(8 * 32, 4 * 16, |x, y| {
-        let (column, row) = (x / 32, y / 16);
-        let back = pixel_direction((x % 32 + 16) % 32, y % 16, 32, 16);
-        [(1 + column + 8 * row) as f32, back.x + 1.5, 0.3]
-    });
-    hdr(&root.join("000123").join("ue4_result").join("LightProbeData").join("0_light.exr"), &light);
-}
-
-/// Returns the distance from the centre of a box with half sizes 2, 1.5 and 3 m.
-fn room_distance(d: Vec3) -> f32 {
-    (2.0 / d.x.abs()).min(1.5 / d.y.abs()).min(3.0 / d.z.abs())
 }
 
 #[test]
@@ -90,6 +56,13 @@ fn futurehouse_in_its_published_layout() {
     let in_room = sample.views[0].rotation.inverse() * point;
     assert!((in_room.length() / room_distance(in_room.normalize()) - 1.0).abs() < 0.1, "{in_room}");
     assert!(sample.albedo.is_some() && sample.normal.is_none());
+    // A surface point for each pixel, on the box, and where depth has a hole, near it.
+    assert_eq!(sample.points.len(), 256 * 128);
+    for point in &sample.points {
+        let direction = sample.views[0].rotation.inverse() * point.position_m.normalize();
+        let off = point.position_m.length() / room_distance(direction) - 1.0;
+        assert!(off.abs() < if direction.y > 0.97 { 0.1 } else { 0.01 }, "{off} at {direction}");
+    }
     // The other house has no probes.
     assert_eq!(dataset.get(4).unwrap().views.len(), 1);
     let all: Vec<Sample> = (0..3).map(|i| dataset.get(i).unwrap()).collect();
@@ -105,7 +78,65 @@ fn futurehouse_in_its_published_layout() {
             // The grid's rotation was undone: the second channel encodes the direction's x.
             let shown = view.radiance[(3, 8)][1] / gains[1];
             assert!((shown - 1.5 - pixel_direction(3, 8, 32, 16).x).abs() < 0.02, "{shown}");
+            // Distances are those to the box's faces; the probe is on one of them, by the coarse panorama's depth.
+            let distance_m = view.depth_m.as_ref().unwrap();
+            let half = Vec3::new(2.0, 1.5, 3.0);
+            let mut errors: Vec<f32> = Vec::new();
+            for y in 0..16 {
+                for x in 0..32 {
+                    let direction = pixel_direction(x, y, 32, 16);
+                    let far = ((half * direction.signum() - got) / direction).min_element();
+                    if far > 0.5 && distance_m[(x, y)] > 0.0 {
+                        errors.push((distance_m[(x, y)] - far).abs());
+                    }
+                }
+            }
+            errors.sort_by(f32::total_cmp);
+            assert!(errors.len() > 100 && errors[errors.len() / 2] < 0.2, "{} {errors:?}", errors.len());
         }
+    }
+}
+
+#[test]
+fn futurehouse_has_its_published_split_also_as_shards() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    futurehouse(&data);
+    let open = || DatasetLayout::FutureHouse.open(&data, small());
+    let splits = |dataset: &dyn Dataset| [0, 3].map(|index| dataset.split(index));
+    // Without the authors' file, by the houses' names.
+    assert_eq!(splits(&*open().unwrap()), ["000123", "000777"].map(Split::of));
+    let file = folder.path().join("split.json");
+    std::fs::write(&file, r#"{"train": ["0"], "val": ["000777"], "test": ["000123"]}"#).unwrap();
+    let dataset: Arc<dyn Dataset> = open().unwrap().into();
+    assert_eq!(splits(&*dataset), [Split::Test, Split::Validation]);
+    assert_eq!(indices_of(&*dataset, Some(Split::Train), None), [0usize; 0]);
+    let at = folder.path().join("shards");
+    let shards = ShardFolder::open(&at, "samples", &serde_json::json!({}), false).unwrap();
+    convert_to_shards(&shards, &dataset, 4, 1, &mut lo_events::ignore).unwrap();
+    assert_eq!(splits(&Shards::open(&at).unwrap()), [Split::Test, Split::Validation]);
+    std::fs::write(&file, r#"{"train": ["000777"], "val": ["000777"], "test": []}"#).unwrap();
+    let error = open().err().unwrap().to_string();
+    assert_eq!(error, format!("{}: split: 000777 is in two parts", file.display()));
+    std::fs::write(&file, "[]").unwrap();
+    assert!(open().err().unwrap().to_string().contains("split.json: split: "));
+}
+
+#[test]
+fn crops_are_drawn_anew_in_each_epoch_where_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    futurehouse(folder.path());
+    let open = |anew_each_epoch| {
+        let model = CropModel { anew_each_epoch, ..small() };
+        DatasetLayout::FutureHouse.open(folder.path(), model).unwrap()
+    };
+    let (fixed, anew) = (open(false), open(true));
+    for index in [0, 4] {
+        let first = fixed.get(index).unwrap();
+        assert!(fixed.get_in_epoch(index, 7).unwrap() == first && anew.get(index).unwrap() == first);
+        let later = anew.get_in_epoch(index, 1).unwrap();
+        assert!(later.id == first.id && later.camera != first.camera && later.photo != first.photo);
+        assert!(anew.get_in_epoch(index, 1).unwrap() == later, "the same in the same epoch");
     }
 }
 
@@ -117,54 +148,13 @@ fn futurehouse_errors_name_the_file_and_the_field() {
     let message = || DatasetLayout::FutureHouse.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
     let depth = cubemaps.join("0_depth.hdr");
     hdr(&depth, &Image::new(32, 16, vec![[0.2; 3]; 512]));
-    assert_eq!(message(), format!("{}: size: 32 × 16 pixels, but the panorama has 64 × 32", depth.display()));
-    hdr(&depth, &Image::new(64, 32, vec![[9.0; 3]; 2048]));
+    assert_eq!(message(), format!("{}: size: 32 × 16 pixels, but the panorama has 256 × 128", depth.display()));
+    hdr(&depth, &Image::new(256, 128, vec![[9.0; 3]; 256 * 128]));
     assert!(message().ends_with("0_depth.hdr: depth: no value within (0, 2], which is 0 to 10 m"), "{}", message());
     std::fs::remove_file(&depth).unwrap();
     assert!(message().contains("0_depth.hdr"));
     hdr(&cubemaps.join("0_image.hdr"), &Image::new(32, 32, vec![[0.2; 3]; 1024]));
     assert!(message().ends_with("0_image.hdr: size: 32 × 32 pixels; a panorama is twice as wide as high"));
-}
-
-/// Writes a sequence of HD1 with three frames. The camera moves along its −Z, half a metre per frame.
-fn interiornet(root: &Path) -> std::path::PathBuf {
-    let truth = root.join("GroundTruth_HD1-HD6").join("3FO4_Bedroom").join("velocity_angular_1_1");
-    std::fs::create_dir_all(&truth).unwrap();
-    let mut lines =
-        "#camera model: pinhole\n#camera info: f, cx, cy, dist.coeff[0..2]\n# w x y z\n# position\n# resolution\n3\n"
-            .to_owned();
-    // Upright in a world whose Z is up: rotated by 90° about X, so that −Z becomes +Y.
-    let q = std::f64::consts::FRAC_1_SQRT_2;
-    for i in 0..3 {
-        lines += &format!("30 24 16 0 0 0 {q} {q} 0 0 1 {} 1.5 48 32\n", 0.5 * f64::from(i));
-    }
-    std::fs::write(truth.join("cam0.ccam"), lines).unwrap();
-    let sequence = root.join("HD1").join("3FO4_Bedroom").join("original_1_1");
-    for i in 0..3 {
-        let at = |what: &str| {
-            let folder = sequence.join(what).join("data");
-            std::fs::create_dir_all(&folder).unwrap();
-            folder.join(format!("{i}.png"))
-        };
-        write_srgb8(at("cam0"), &Image::new(48, 32, vec![[100 + i, 90, 80]; 48 * 32]), 90, lo_imaging::GENERATOR)
-            .unwrap();
-        // A wall 3 m in front of the first camera: distance along each ray.
-        let z = 3.0 - 0.5 * f64::from(i);
-        let camera = lo_geometry::Camera::new(30.0, 30.0, 24.0, 16.0, 48, 32).unwrap();
-        let distance: DepthMap =
-            Image::from_fn(48, 32, |x, y| camera.unproject(x as f64 + 0.5, y as f64 + 0.5, z).length());
-        write_depth(at("depth0"), &distance, lo_imaging::GENERATOR).unwrap();
-        if i != 1 {
-            write_srgb8(
-                at("cam0_pano"),
-                &Image::new(64, 32, vec![[200, 128, 10 * i]; 64 * 32]),
-                90,
-                lo_imaging::GENERATOR,
-            )
-            .unwrap();
-        }
-    }
-    truth.join("cam0.ccam")
 }
 
 #[test]

@@ -92,7 +92,7 @@ fn each_message_is_a_step_of_the_history() {
     }
     // The tuning is kept while a light without effect is chosen.
     session.apply(&Command::InferredLight { light: LightMode::Plausible }).unwrap();
-    assert_eq!(session.state().inferred().tuning.contrast, 0.7);
+    assert_eq!(session.state().inferred_light().tuning.contrast, 0.7);
     session.apply(&Command::ResetLights).unwrap();
     assert_eq!((chosen(&session), session.state().lights.is_empty()), (InferredLight::default(), true));
     // A whole drag is one step; one that ends where it began is none.
@@ -155,7 +155,7 @@ fn invalid_choices_are_refused_and_change_nothing() {
 fn lit(session: &Session) -> LitScene {
     let mut document = INFERRED.document.clone();
     document.light_edits = session.state().lights.clone();
-    document.light_edits.inferred = Some(session.state().inferred());
+    document.light_edits.inferred = Some(session.state().inferred_light());
     document.lit(LightPurpose::Objects { at_m: Default::default() }).unwrap()
 }
 
