@@ -84,6 +84,8 @@ impl Scorer {
     }
 
     /// Scores an estimate by its [`panoramas`](Self::panoramas): means over the sample's views.
+    ///
+    /// True panoramas that are clipped at white give only figures of what a screen shows.
     pub fn score(&self, sample: &Sample, estimate: &MethodOutput, panoramas: &[RadianceImage]) -> Scores {
         let views: Vec<Scores> = sample
             .views
@@ -93,7 +95,11 @@ impl Scorer {
                 let mut scores = Scores::default();
                 let angles = solid_angles_sr(got.width(), got.height());
                 let seen = observed_mask(sample, view);
-                parts(&mut scores, &view.radiance, got, &angles, seen.as_deref());
+                let clipped = sample.has_clipped_panoramas();
+                parts(&mut scores, &view.radiance, got, &angles, seen.as_deref(), clipped);
+                if clipped {
+                    return scores;
+                }
                 light_on_objects(&mut scores, &view.radiance, got, seen.as_deref());
                 for (name, sphere) in &self.spheres {
                     let (a, b) = (sphere.render(&view.radiance), sphere.render(got));
@@ -109,7 +115,9 @@ impl Scorer {
             })
             .collect();
         let mut scores = Scores::mean(&views);
-        scores.add("coherence", coherence(sample.views.iter().zip(panoramas)));
+        if !sample.has_clipped_panoramas() {
+            scores.add("coherence", coherence(sample.views.iter().zip(panoramas)));
+        }
         scene(&mut scores, sample, estimate);
         scores
     }
@@ -122,8 +130,16 @@ fn stops(truth: &RadianceImage, got: &RadianceImage) -> Option<f64> {
     (truth > 0.0 && got > 0.0).then(|| (got / truth).log2().abs())
 }
 
-/// Adds the figures of a whole panorama and of its seen and unseen parts.
-fn parts(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, angles: &[f32], seen: Option<&[bool]>) {
+/// Adds the figures of a whole panorama and of its seen and unseen parts; of one that is clipped at white, only those of
+/// what a screen shows.
+fn parts(
+    scores: &mut Scores,
+    truth: &RadianceImage,
+    got: &RadianceImage,
+    angles: &[f32],
+    seen: Option<&[bool]>,
+    clipped: bool,
+) {
     let part_weights = |wanted: bool| -> Option<Vec<f32>> {
         let part = |(&angle, &seen): (&f32, &bool)| if seen == wanted { angle } else { 0.0 };
         seen.map(|seen| angles.iter().zip(seen).map(part).collect())
@@ -134,12 +150,20 @@ fn parts(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, angles
         let Some(weights) = weights else { continue };
         let db = |curve| psnr_db(truth, got, &weights, curve).map(|db| db.min(MAX_PSNR_DB));
         scores.add(format!("{prefix}psnr_db"), db(PsnrCurve::ClippedSrgb));
+        if clipped {
+            continue;
+        }
         scores.add(format!("{prefix}reinhard_psnr_db"), db(PsnrCurve::Reinhard));
         scores.add(format!("{prefix}rmse"), rmse(truth, got, &weights));
         scores.add(format!("{prefix}log_rmse"), log_rmse(truth, got, &weights));
         scores.add(format!("{prefix}si_rmse"), si_rmse(truth, got, &weights));
         scores.add(format!("{prefix}relative_si_rmse"), relative_si_rmse(truth, got, &weights));
         scores.add(format!("{prefix}angular_deg"), angular_error_deg(truth, got, &weights));
+    }
+    if clipped {
+        // As Lighthouse and those who compare with it count: every pixel alike.
+        let alike = vec![1.0; angles.len()];
+        scores.add("pixel_psnr_db", psnr_db(truth, got, &alike, PsnrCurve::ClippedSrgb).map(|db| db.min(MAX_PSNR_DB)));
     }
 }
 
@@ -246,6 +270,38 @@ mod tests {
         let bare = testing::sample();
         let error = Method::Shell(DepthInput::True).estimate(&bare, &tools).err().unwrap();
         assert_eq!(error.to_string(), "needs true depth");
+    }
+
+    #[test]
+    fn clipped_panoramas_give_only_figures_of_what_a_screen_shows() {
+        let mut sample = testing::box_room();
+        let key = Sample::CLIPPED_PANORAMAS.to_owned();
+        sample.metadata.insert(key, true.into());
+        for view in &mut sample.views {
+            // A lamp, clipped as an 8-bit file has it.
+            view.radiance[(9, 3)] = [1.0; 3];
+        }
+        let truth: Vec<RadianceImage> = sample.views.iter().map(|view| view.radiance.clone()).collect();
+        let mut bright = truth.clone();
+        bright.iter_mut().for_each(|map| map[(9, 3)] = [500.0; 3]);
+        let tools = Tools {
+            estimator: &Estimator::without_networks(),
+            profile: None,
+            octree_depth: 5,
+            seed: 0,
+            known: None,
+            foreign: None,
+        };
+        let estimate = Method::MeanColour.estimate(&sample, &tools).unwrap();
+        let scores = Scorer::new(None).score(&sample, &estimate, &bright);
+        assert_eq!(scores.get("pixel_psnr_db"), Some(MAX_PSNR_DB), "brighter than white is shown as white");
+        let of_light: Vec<&str> = scores.iter().map(|(name, _)| name).filter(|name| !name.contains("depth")).collect();
+        assert_eq!(of_light, ["psnr_db", "seen_psnr_db", "unseen_psnr_db", "pixel_psnr_db"]);
+        // By hand: every channel of one of 10 pixels is off by half of sRGB's range.
+        let map = |value: f32| RadianceImage::new(10, 1, [vec![[value; 3]], vec![[0.0; 3]; 9]].concat());
+        let mut found = Scores::default();
+        parts(&mut found, &map(0.214_041_14), &map(0.0), &[1.0; 10], None, true);
+        assert!((found.get("pixel_psnr_db").unwrap() - -10.0 * (0.25f64 / 10.0).log10()).abs() < 1e-4);
     }
 
     #[test]

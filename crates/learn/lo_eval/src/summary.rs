@@ -63,6 +63,7 @@ const TABLES: [Table; 11] = [
         &[
             ("psnr_db", "PSNR dB ↑", 2),
             ("reinhard_psnr_db", "PSNR dB, L/(1+L) ↑", 2),
+            ("pixel_psnr_db", "PSNR dB, every pixel alike ↑", 2),
             ("log_rmse", "log-RMSE ↓", 3),
             ("rmse", "RMSE ↓", 3),
             ("si_rmse", "si-RMSE ↓", 3),

@@ -108,8 +108,13 @@ impl DepthExample {
 }
 
 /// Returns the true panorama at the camera: one that was taken there, else rendered from surface points, if any.
+///
+/// A dataset whose panoramas are clipped at white has none: its light is too dark, and its surface points' as well.
 fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<RadianceImage>, UnusableSample> {
     let (width, height) = PANORAMA;
+    if sample.has_clipped_panoramas() {
+        return Ok(None);
+    }
     let here = |view: &&NovelView| view.position_m.length() < AT_CAMERA_M;
     if let Some(view) = sample.views.iter().find(here) {
         let turned = lo_imaging::rotate_equirectangular(&view.radiance, view.rotation, width, height);
@@ -198,10 +203,17 @@ impl LightExample {
         let input = room.input(network, stream.random())?;
         let truth = room.truth(network)?;
         let novel = sample_panorama_rays(&sample.views, rays.novel, stream);
+        let novel = if sample.has_clipped_panoramas() { below_white(&novel) } else { novel };
         let novel = augmented_rays(novel, variation, room.scale, room.seen.cube);
         let visible = room.visible_rays(sample, variation, rays.visible, stream);
         Ok(Self { input, up: room.seen.room.up, truth, novel, visible })
     }
+}
+
+/// Returns the rays whose radiance is not clipped.
+fn below_white(rays: &Rays) -> Rays {
+    let known = (0..rays.len()).filter(|&i| rays.radiance[i].iter().all(|&value| value < WHITE));
+    Rays::from_iter(known.map(|i| (rays.cones[i], rays.radiance[i], rays.distance_m[i])))
 }
 
 /// An augmented sample's room, as input and target of the light network.

@@ -201,11 +201,14 @@ fn evaluate(estimator: &Estimator, sample: &Sample, with_light: bool, figures: &
     }
     let example = DepthExample::new(sample, &Variation::NONE, networks.depth.longer_side()).ok()?;
     let global_panorama = networks.single_map(&sample.photo);
-    let true_panorama = example.panorama?;
-    figures.global_db.extend(panorama_psnr_db(&true_panorama, &global_panorama));
-    let at_camera =
-        NovelView { position_m: Vec3::ZERO, rotation: Quat::IDENTITY, radiance: true_panorama.clone(), depth_m: None };
-    figures.global_light.push(light_on_objects(sample, &at_camera, &global_panorama).into_iter().collect());
+    if let Some(true_panorama) = &example.panorama {
+        figures.global_db.extend(panorama_psnr_db(true_panorama, &global_panorama));
+        let (position_m, rotation) = (Vec3::ZERO, Quat::IDENTITY);
+        let at_camera = NovelView { position_m, rotation, radiance: true_panorama.clone(), depth_m: None };
+        figures.global_light.push(light_on_objects(sample, &at_camera, &global_panorama).into_iter().collect());
+    }
+    let unknown = || global_panorama.map(|_| [0.0; 3]);
+    let true_panorama = example.panorama.unwrap_or_else(unknown);
     let mut row = Row {
         photo: sample.photo.clone(),
         panoramas: [global_panorama, true_panorama],
@@ -285,7 +288,11 @@ fn views_db(views: &[NovelView], panoramas: &[RadianceImage]) -> Option<f64> {
     mean(views.iter().zip(panoramas).filter_map(|(view, got)| panorama_psnr_db(&view.radiance, got)))
 }
 
+/// Compares light on objects; `None` if the true panorama is clipped at white.
 fn light_on_objects(sample: &Sample, view: &NovelView, got: &RadianceImage) -> Option<LightOnObjects> {
+    if sample.has_clipped_panoramas() {
+        return None;
+    }
     LightOnObjects::compare(&view.radiance, got, observed_mask(sample, view).as_deref())
 }
 

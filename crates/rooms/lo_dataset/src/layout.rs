@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use crate::published::{CropModel, Frames, FutureHouse, InteriorNet, LavalVarying, Panoramas};
+use crate::published::{CropModel, Frames, FutureHouse, InteriorNet, LavalVarying, Lighthouse, Panoramas};
 use crate::{Dataset, DatasetError, Shards};
 
 /// File layout of a dataset.
@@ -12,6 +12,8 @@ pub enum DatasetLayout {
     FutureHouse,
     /// [`InteriorNet`].
     InteriorNet,
+    /// [`Lighthouse`].
+    Lighthouse,
     /// [`LavalVarying`].
     LavalVarying,
     /// [`Panoramas`].
@@ -22,8 +24,15 @@ pub enum DatasetLayout {
 
 impl DatasetLayout {
     /// All layouts, in the order of detection.
-    pub const ALL: [Self; 6] =
-        [Self::Frames, Self::Shards, Self::FutureHouse, Self::InteriorNet, Self::LavalVarying, Self::Panoramas];
+    pub const ALL: [Self; 7] = [
+        Self::Frames,
+        Self::Shards,
+        Self::FutureHouse,
+        Self::Lighthouse,
+        Self::InteriorNet,
+        Self::LavalVarying,
+        Self::Panoramas,
+    ];
 
     /// Returns its name on the command line.
     pub fn name(self) -> &'static str {
@@ -31,6 +40,7 @@ impl DatasetLayout {
             Self::Shards => "shards",
             Self::FutureHouse => "futurehouse",
             Self::InteriorNet => "interiornet",
+            Self::Lighthouse => "lighthouse",
             Self::LavalVarying => "laval-varying",
             Self::Panoramas => "panoramas",
             Self::Frames => "frames",
@@ -59,6 +69,8 @@ impl DatasetLayout {
             Ok(Self::Shards)
         } else if FutureHouse::is_at(path) {
             Ok(Self::FutureHouse)
+        } else if any(&["npz"]) {
+            Ok(Self::Lighthouse)
         } else if InteriorNet::is_at(path) {
             Ok(Self::InteriorNet)
         } else if LavalVarying::is_at(path) {
@@ -80,6 +92,7 @@ impl DatasetLayout {
             Self::Shards => Box::new(Shards::open(path)?),
             Self::FutureHouse => Box::new(FutureHouse::open(path, model)?),
             Self::InteriorNet => Box::new(InteriorNet::open(path, model.seed)?),
+            Self::Lighthouse => Box::new(Lighthouse::open(path)?),
             Self::LavalVarying => Box::new(LavalVarying::open(path, model.photo, model.seed)?),
             Self::Panoramas => Box::new(Panoramas::open(path, model)?),
             Self::Frames => Box::new(Frames::open(path)?),

@@ -42,6 +42,16 @@ pub struct Sample {
     pub metadata: Metadata,
 }
 
+impl Sample {
+    /// Key of the metadata that is true for samples whose panoramas are clipped at white.
+    pub const CLIPPED_PANORAMAS: &str = "panoramas_clipped_at_white";
+
+    /// Whether the panoramas are clipped at white: they are no truth for radiance above it.
+    pub fn has_clipped_panoramas(&self) -> bool {
+        self.metadata.get(Self::CLIPPED_PANORAMAS).is_some_and(|clipped| *clipped == true)
+    }
+}
+
 /// HDR panorama at a known position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NovelView {

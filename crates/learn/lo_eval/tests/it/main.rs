@@ -2,6 +2,11 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod camera;
+mod data_sets;
+#[path = "../../../../rooms/lo_dataset/tests/it/layouts.rs"]
+mod layouts;
+#[path = "../../../../rooms/lo_dataset/tests/it/lighthouse_layout.rs"]
+mod lighthouse_layout;
 mod photos;
 mod published;
 mod sun;

@@ -3,7 +3,6 @@
 
 mod encoder_weights;
 #[path = "../../../../rooms/lo_dataset/tests/it/layouts.rs"]
-#[expect(dead_code, reason = "other layouts are not trained on")]
 mod layouts;
 mod overfit;
 mod run;

@@ -188,6 +188,27 @@ fn futurehouse_trains_every_stage() {
 }
 
 #[test]
+fn interiornet_trains_every_stage_without_light_above_white() {
+    let folder = tempfile::tempdir().unwrap();
+    let [data, out] = ["data", "out"].map(|name| folder.path().join(name));
+    crate::layouts::interiornet(&data);
+    std::fs::create_dir(&out).unwrap();
+    let mut config = TrainConfig { data: DataConfig { folder: Some(data), ..DataConfig::default() }, ..config() };
+    config.depth.truncate(1);
+    config.light.truncate(1);
+    config.validation.photos = 0;
+    let (cancelled, events) = run(&config, &out, false, u64::MAX);
+    let warnings: Vec<&Event> = events.iter().filter(|event| matches!(event, Event::Warning(_))).collect();
+    assert!(!cancelled && warnings.is_empty(), "{warnings:?}");
+    // Rays below white are learned from. The panoramas are no truth for the global decoder.
+    let log = std::fs::read_to_string(out.join(LOG_FILE)).unwrap();
+    let lines: Vec<serde_json::Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let found = |name: &str| lines.iter().filter_map(|line| line["means"][name].as_f64()).collect::<Vec<f64>>();
+    assert!(found("novel_radiance").iter().all(|loss| *loss > 0.0) && found("novel_radiance").len() == 2, "{log}");
+    assert!(["panorama", "panorama_irradiance"].iter().all(|name| found(name) == [0.0; 2]), "{log}");
+}
+
+#[test]
 fn photos_of_two_sizes_wait_for_their_own_kind_also_over_a_stop() {
     let folder = tempfile::tempdir().unwrap();
     let [whole, parts, rooms] = ["whole", "parts", "rooms"].map(|name| folder.path().join(name));

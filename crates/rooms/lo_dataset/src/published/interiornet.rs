@@ -2,12 +2,15 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use lo_geometry::{Camera, Quat, Vec3};
-use lo_imaging::{DepthMap, Image, Photo, RadianceImage, read_depth, read_photo, resize_equirectangular};
+use lo_imaging::{
+    DepthMap, Image, Photo, RadianceImage, linear_from_srgb8, read_depth, read_photo, resize_equirectangular,
+};
+use lo_octree::{Provenance, RadiancePoint};
 use lo_random::seq::SliceRandom;
 
 use super::files::{entries, folders, name, stem};
 use crate::sample::Metadata;
-use crate::{Dataset, DatasetError, NovelView, Record, Sample, Shot};
+use crate::{Dataset, DatasetError, NovelView, Record, Sample, Shot, evenly_spread};
 
 /// Folder with the camera files of HD1 to HD6.
 const GROUND_TRUTH: &str = "GroundTruth_HD1-HD6";
@@ -15,13 +18,18 @@ const GROUND_TRUTH: &str = "GroundTruth_HD1-HD6";
 const PANORAMA_HEIGHT: usize = 128;
 /// Maximum number of panoramas per sample, including its own.
 const VIEWS: usize = 6;
+/// Number of a sequence's frames, besides the sample's own, whose depth gives surface points.
+const FUSED_FRAMES: usize = 12;
+/// Step of their pixels along both axes.
+const FUSED_STEP: usize = 4;
 
 /// InteriorNet (Li et al., BMVC 2018), HD1 to HD7.
 ///
 /// A sequence is a folder with `cam0/data/*.png`, `depth0/data/*.png` (16-bit, millimetres along the ray) and
 /// optionally `cam0_pano/data/*.png` (equirectangular sRGB). Its cameras are in `cam0.ccam`, either in the folder
 /// itself or, for `HDn/<scene>/<light>_<t>_<t>`, in `GroundTruth_HD1-HD6/<scene>/velocity_angular_<t>_<t>`. The
-/// panoramas are 8-bit, so radiance above white is clipped.
+/// panoramas are 8-bit, so radiance above white is clipped. Surface points are those that twelve frames along the
+/// sequence and the sample's own show.
 #[derive(Debug)]
 pub struct InteriorNet {
     sequences: Vec<Sequence>,
@@ -141,6 +149,15 @@ impl Sequence {
     }
 }
 
+impl Sequence {
+    /// Reads the surface points of frames all along the sequence, and of frame `number`.
+    fn points(&self, number: usize) -> Result<Vec<RadiancePoint>, DatasetError> {
+        let along = evenly_spread(self.frames.len(), FUSED_FRAMES).filter(|&other| other != number);
+        let points = std::iter::once(number).chain(along).map(|frame| self.frames[frame].points());
+        Ok(points.collect::<Result<Vec<_>, _>>()?.concat())
+    }
+}
+
 /// Returns the `<t>_<t>` of `<light>_<t>_<t>`.
 fn trajectory(folder: &str) -> Option<&str> {
     folder.strip_prefix("original_").or_else(|| folder.strip_prefix("random_"))
@@ -244,6 +261,7 @@ impl Dataset for InteriorNet {
         for i in own.into_iter().chain(chosen).take(VIEWS) {
             views.extend(sequence.frames[i].view()?);
         }
+        let points = sequence.points(number as usize)?;
         let shot = Shot {
             position_m,
             rotation,
@@ -257,13 +275,13 @@ impl Dataset for InteriorNet {
             normal: None,
             albedo: None,
             views: (0..views.len()).collect(),
-            metadata: Metadata::from_iter([("panoramas_clipped_at_white".to_owned(), true.into())]),
+            metadata: Metadata::from_iter([(Sample::CLIPPED_PANORAMAS.to_owned(), true.into())]),
         };
         let record = Record {
             key: format!("{}-{}", sequence.id, stem(&frame.photo)),
             scene_id: sequence.scene.clone(),
             up: Some(Vec3::Z),
-            points: Vec::new(),
+            points,
             point_area_m2: None,
             views,
             shots: vec![shot],
@@ -282,6 +300,23 @@ impl Frame {
         Ok(Image::from_fn(distance.width(), distance.height(), |x, y| {
             distance[(x, y)] * -camera.direction(x as f64 + 0.5, y as f64 + 0.5).z
         }))
+    }
+
+    /// Reads the surface points that this frame shows, in the world's axes.
+    fn points(&self) -> Result<Vec<RadiancePoint>, DatasetError> {
+        let Pinhole { camera, position_m, rotation } = self.pinhole;
+        let photo = read_srgb(&self.photo)?;
+        check_size(&self.photo, photo.width(), photo.height(), &camera)?;
+        let depth_m = self.depth()?;
+        let rows = (FUSED_STEP / 2..depth_m.height()).step_by(FUSED_STEP);
+        let pixels = rows.flat_map(|y| (FUSED_STEP / 2..depth_m.width()).step_by(FUSED_STEP).map(move |x| (x, y)));
+        let point = |(x, y): (usize, usize)| RadiancePoint {
+            position_m: position_m
+                + rotation * camera.unproject(x as f64 + 0.5, y as f64 + 0.5, f64::from(depth_m[(x, y)])),
+            radiance: photo[(x, y)].map(linear_from_srgb8),
+            provenance: Provenance::Inferred,
+        };
+        Ok(pixels.filter(|&at| depth_m[at] > 0.0).map(point).collect())
     }
 
     /// Reads the panorama at this frame's position as linear radiance. Its axes are the camera's.

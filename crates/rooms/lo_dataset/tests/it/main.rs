@@ -3,6 +3,7 @@
 
 mod consistency;
 mod layouts;
+mod lighthouse_layout;
 mod mattes;
 mod published;
 mod shards;

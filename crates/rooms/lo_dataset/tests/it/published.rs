@@ -11,6 +11,7 @@ use lo_imaging::{DepthMap, Image, linear_from_srgb8, sample_equirectangular, wri
 use lo_testdata::{panoramas, shared_data};
 
 use crate::layouts::{direction_map, futurehouse, hdr, interiornet, room_distance};
+use crate::lighthouse_layout;
 
 /// Small photos, three per panorama.
 fn small() -> CropModel {
@@ -176,6 +177,12 @@ fn interiornet_in_its_published_layout() {
     assert!((first.views[1].position_m - Vec3::new(0.0, 0.0, -1.0)).length() < 1e-5, "{}", first.views[1].position_m);
     assert!((first.views[1].rotation * Vec3::X - Vec3::X).length() < 1e-5);
     assert!((first.views[0].radiance[(9, 9)][0] - linear_from_srgb8(200)).abs() < 1e-4);
+    // Surface points of all three frames, on the wall.
+    assert_eq!(first.points.len(), 3 * 12 * 8);
+    assert!(first.points.iter().all(|point| (point.position_m.z + 3.0).abs() < 3e-3), "{:?}", first.points[0]);
+    assert!((first.points[0].radiance[0] - linear_from_srgb8(100)).abs() < 1e-6);
+    assert_eq!(first.points[0].provenance, lo_octree::Provenance::Observed);
+    assert!(first.has_clipped_panoramas());
     assert_eq!(dataset.get(1).unwrap().views.len(), 1, "the second frame has no panorama and sees the third");
     assert_eq!(dataset.get(2).unwrap().views.len(), 1, "positions behind the camera are not observed");
     // A sequence alone needs its cameras beside it.
@@ -205,6 +212,58 @@ fn interiornet_errors_name_the_line() {
     write_srgb8(&photo, &Image::new(4, 4, vec![[0; 3]; 16]), 90, lo_imaging::GENERATOR).unwrap();
     let error = DatasetLayout::InteriorNet.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
     assert_eq!(error, format!("{}: size: 4 × 4 pixels, but cam0.ccam has 48 × 32", photo.display()));
+}
+
+#[test]
+fn lighthouse_in_its_published_layout() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("00007.npz");
+    lighthouse_layout::write(&path, &lighthouse_layout::arrays());
+    assert_eq!(DatasetLayout::detect(folder.path()).unwrap(), DatasetLayout::Lighthouse);
+    let dataset = DatasetLayout::Lighthouse.open(folder.path(), small()).unwrap();
+    assert_eq!((dataset.len(), dataset.scene_id(0), dataset.split(0)), (1, "00007".into(), Split::Test));
+    let sample = dataset.get(0).unwrap();
+    assert_eq!((sample.id.as_str(), sample.camera), ("00007", lighthouse_layout::camera()));
+    assert!(sample.has_clipped_panoramas() && (sample.up.unwrap() - Vec3::Y).length() < 1e-5);
+    assert!(sample.depth_m.as_ref().unwrap().pixels().iter().all(|z| (z - 3.0).abs() < 1e-4));
+    let view = &sample.views[0];
+    assert!((view.position_m - Vec3::new(0.0, 0.0, -1.0)).length() < 1e-5, "{}", view.position_m);
+    assert!((view.rotation * Vec3::X - Vec3::X).length() < 1e-5 && (view.rotation * Vec3::Y - Vec3::Y).length() < 1e-5);
+    // Photo and panorama, of one pose but for the position, show the same colours in the same directions.
+    for (x, y) in [(2, 3), (19, 15), (36, 27)] {
+        let direction = sample.camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+        let shown = sample_equirectangular(&view.radiance, direction);
+        for c in 0..3 {
+            let photo = linear_from_srgb8(sample.photo[(x, y)][c]);
+            assert!((shown[c] - photo).abs() < 0.02, "({x}, {y}) channel {c}: {} {photo}", shown[c]);
+        }
+    }
+    assert_eq!((view.radiance.width(), view.radiance.height()), (48, 24));
+}
+
+#[test]
+fn lighthouse_errors_name_the_array() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npz");
+    let message = |change: &dyn Fn(&mut lighthouse_layout::Arrays)| {
+        let mut arrays = lighthouse_layout::arrays();
+        change(&mut arrays);
+        lighthouse_layout::write(&path, &arrays);
+        let error = DatasetLayout::Lighthouse.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
+        error.strip_prefix(&format!("{}: ", path.display())).unwrap().to_owned()
+    };
+    assert_eq!(message(&|arrays| arrays[0].2[7] = 200.0), "ref_image: the value 200 is outside 0 to 1");
+    assert!(message(&|arrays| drop(arrays.remove(1))).starts_with("ref_depth: "));
+    let transposed = message(&|arrays| arrays[1].1.swap(1, 2));
+    assert_eq!(transposed, "ref_depth: shape [40, 30], but the photo has 30 × 40 pixels");
+    assert_eq!(message(&|arrays| arrays[2].1 = vec![9]), "intrinsics: shape [9]; 2 dimensions are expected");
+    assert!(message(&|arrays| arrays[2].2[0] = -30.0).starts_with("intrinsics: focal lengths"));
+    let right_handed = message(&|arrays| (2..11).step_by(4).for_each(|i| arrays[3].2[i] *= -1.0));
+    assert_eq!(right_handed, "ref_pose: its axes are not those of a left-handed camera that looks along +Z");
+    assert!(message(&|arrays| arrays[4].1 = vec![1, 48, 24, 3]).starts_with("env_image: 24 × 48 pixels"));
+    std::fs::write(&path, b"PK").unwrap();
+    let error = DatasetLayout::Lighthouse.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
+    assert!(error.starts_with(&format!("{}: archive: ", path.display())), "{error}");
 }
 
 #[test]
@@ -394,7 +453,7 @@ fn unknown_folders_are_refused() {
     std::fs::write(folder.path().join("letter.txt"), "dear").unwrap();
     let message = DatasetLayout::detect(folder.path()).unwrap_err().to_string();
     assert!(message.ends_with(
-        "unknown dataset layout; supported are frames, shards, futurehouse, interiornet, laval-varying, panoramas"
+        "unknown dataset layout; supported are frames, shards, futurehouse, lighthouse, interiornet, laval-varying, panoramas"
     ));
     assert!(DatasetLayout::detect(&folder.path().join("nowhere")).is_err());
 }

@@ -1,0 +1,65 @@
+//! Published data sets, in their layouts, are evaluated.
+
+use std::path::Path;
+
+use lo_dataset::CropModel;
+use lo_estimate::Estimator;
+use lo_eval::{DepthInput, Evaluation, Method, PhotoSelection, Scores, Tools};
+
+use crate::{layouts, lighthouse_layout};
+
+const METHODS: [Method; 4] =
+    [Method::MeanColour, Method::Mirrored, Method::Shell(DepthInput::True), Method::TrueOctree];
+
+/// Evaluates two photos and returns each method's mean figures; `None` where a method is not possible.
+fn evaluate(dataset: &Path) -> Vec<Option<Scores>> {
+    let estimator = Estimator::without_networks();
+    let tools = Tools { estimator: &estimator, profile: None, octree_depth: 5, seed: 0, known: None, foreign: None };
+    let crops = CropModel { width: 96, height: 64, panorama_height: 32, ..CropModel::default() };
+    let (layout, protocol, plans, part) = (None, None, None, None);
+    let photos = PhotoSelection { dataset: dataset.to_owned(), layout, protocol, crops, plans, part, most: Some(2) };
+    let report = Evaluation::open(&photos, &METHODS, tools).unwrap().run(1, 1, &mut lo_events::ignore);
+    assert!(report.unreadable.is_none() && report.photos > 0, "{:?}", report.unreadable);
+    let of_method = |method: &Method| {
+        let outcomes = report.summary.outcomes().iter().filter(|outcome| outcome.method == method.name());
+        let scores: Vec<&Scores> = outcomes.filter_map(|outcome| outcome.scores.as_ref().ok()).collect();
+        (!scores.is_empty()).then(|| Scores::mean(scores))
+    };
+    METHODS.iter().map(of_method).collect()
+}
+
+#[test]
+fn futurehouse_has_figures_of_radiance_and_coherence() {
+    let folder = tempfile::tempdir().unwrap();
+    layouts::futurehouse(folder.path());
+    let found = evaluate(folder.path());
+    let [mean, mirrored, shell, octree] = [0, 1, 2, 3].map(|i| found[i].as_ref().unwrap());
+    for scores in [mean, mirrored, shell, octree] {
+        for name in ["psnr_db", "log_rmse", "relative_si_rmse", "contrast_stops", "coherence", "diffuse_rmse"] {
+            assert!(scores.get(name).is_some_and(f64::is_finite), "{name}: {scores:?}");
+        }
+        assert_eq!(scores.get("pixel_psnr_db"), None);
+    }
+    // The octree of the panorama's own pixels is the upper bound.
+    let others = [mean, mirrored, shell].map(|scores| scores.get("psnr_db").unwrap());
+    assert!(others.iter().all(|db| *db < octree.get("psnr_db").unwrap()), "{others:?} {octree:?}");
+}
+
+#[test]
+fn data_clipped_at_white_has_no_figures_of_light_above_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let [interiornet, lighthouse] = ["a", "b"].map(|name| folder.path().join(name));
+    layouts::interiornet(&interiornet);
+    std::fs::create_dir(&lighthouse).unwrap();
+    lighthouse_layout::write(&lighthouse.join("00000.npz"), &lighthouse_layout::arrays());
+    for (path, has_points) in [(&interiornet, true), (&lighthouse, false)] {
+        let found = evaluate(path);
+        assert_eq!(found[3].is_some(), has_points, "the true octree needs surface points");
+        for scores in found.iter().flatten() {
+            assert!(scores.get("pixel_psnr_db").is_some_and(|db| (1.0..60.0).contains(&db)), "{scores:?}");
+            for name in ["rmse", "log_rmse", "reinhard_psnr_db", "contrast_stops", "coherence", "diffuse_rmse"] {
+                assert_eq!(scores.get(name), None, "{name}");
+            }
+        }
+    }
+}
