@@ -65,6 +65,10 @@ pub(super) enum LayoutName {
     Futurehouse,
     /// InteriorNet (Li et al. 2018)
     Interiornet,
+    /// InteriorVerse (Zhu et al. 2022)
+    Interiorverse,
+    /// Test set of Lighthouse (Srinivasan et al. 2020)
+    Lighthouse,
     /// Laval Indoor Spatially Varying HDR (Garon et al. 2019), with a scene.json in each folder
     LavalVarying,
     /// Equirectangular HDR panoramas
@@ -79,6 +83,8 @@ impl From<LayoutName> for DatasetLayout {
             LayoutName::Shards => Self::Shards,
             LayoutName::Futurehouse => Self::FutureHouse,
             LayoutName::Interiornet => Self::InteriorNet,
+            LayoutName::Interiorverse => Self::InteriorVerse,
+            LayoutName::Lighthouse => Self::Lighthouse,
             LayoutName::LavalVarying => Self::LavalVarying,
             LayoutName::Panoramas => Self::Panoramas,
             LayoutName::Frames => Self::Frames,

@@ -144,6 +144,8 @@ enum ProtocolName {
     /// Editable indoor lighting (Weber et al. 2022): ten crops of 50 degrees per panorama, nine diffuse spheres on a
     /// plane
     SphereArray,
+    /// Lighthouse (Srinivasan et al. 2020), on InteriorNet or its own test set: PSNR of a panorama ahead of the camera
+    Interiornet,
     /// Spheres and a pole in generated rooms: shading and shadows against path tracing; about 30 seconds per room
     Insertion,
 }
@@ -154,7 +156,7 @@ impl ProtocolName {
         match self {
             Self::ThreeSpheres => Some(Protocol::ThreeSpheres),
             Self::SphereArray => Some(Protocol::SphereArray),
-            Self::Insertion => None,
+            Self::Interiornet | Self::Insertion => None,
         }
     }
 }
@@ -250,6 +252,7 @@ fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<Photo
         dataset: args.dataset.clone(),
         layout: args.layout.map(Into::into),
         protocol: args.protocol.and_then(ProtocolName::published),
+        as_lighthouse: matches!(args.protocol, Some(ProtocolName::Interiornet)),
         crops,
         plans: args.plans.clone(),
         part: part.part(),
@@ -276,6 +279,7 @@ fn insertion<'a>(global: &Global, args: &Args, tools: Tools<'a>) -> anyhow::Resu
 fn usage(error: EvalError) -> anyhow::Error {
     match error {
         EvalError::NoPhotos { .. } => Usage(format!("{error}; see --split")).into(),
+        EvalError::NotInteriorNet { .. } => Usage(format!("--protocol: {error}")).into(),
         error => error.into(),
     }
 }

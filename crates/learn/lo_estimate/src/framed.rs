@@ -1,7 +1,7 @@
 //! Photos with black bars: networks and the estimate see the picture alone, and the scene keeps the whole photo.
 
 use lo_events::{OnEvent, warn};
-use lo_geometry::{Camera, Vec3};
+use lo_geometry::Camera;
 use lo_imaging::{BlackBars, Image, Photo};
 use lo_scene::{Frame, PosedFrame};
 
@@ -92,8 +92,8 @@ impl FramedPhoto {
     #[cfg(feature = "depth-models")]
     pub fn predicted_depth(self, picture: PredictedDepth) -> PredictedDepth {
         let PredictedDepth { frame, normals, model } = picture;
-        let normals: Option<Image<Vec3>> =
-            normals.map(|normals| self.bars.framed_map(&normals, self.size(), Vec3::ZERO));
+        let none = lo_geometry::Vec3::ZERO;
+        let normals = normals.map(|normals| self.bars.framed_map(&normals, self.size(), none));
         PredictedDepth { frame: self.frame(frame), normals, model }
     }
 }

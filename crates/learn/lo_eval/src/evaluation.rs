@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lo_dataset::{CropModel, Dataset, DatasetError, DatasetLayout, Sample, Split, evenly_spread, indices_of};
+use lo_dataset::{
+    CropModel, Dataset, DatasetError, DatasetLayout, InteriorNet, Sample, Split, evenly_spread, indices_of,
+};
 use lo_events::{OnEvent, Steps};
 
 use crate::prior::TWO_PANORAMAS_APART;
@@ -22,6 +24,9 @@ pub struct PhotoSelection {
     pub layout: Option<DatasetLayout>,
     /// A published protocol, which defines its own crops of panoramas.
     pub protocol: Option<Protocol>,
+    /// Whether photos and panoramas of InteriorNet are chosen as Lighthouse's authors chose them
+    /// ([`InteriorNet::as_lighthouse`]), or those of its test set are used.
+    pub as_lighthouse: bool,
     /// Cameras of the crops of panoramas, without a protocol.
     pub crops: CropModel,
     /// Folder of floor plans of the panoramas' rooms, which provide depth.
@@ -38,6 +43,14 @@ pub enum EvalError {
     /// The dataset or its first sample cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// Lighthouse's choices are asked for of another dataset.
+    #[error("{}: InteriorNet or Lighthouse's test set is needed, but the layout is {layout}", dataset.display())]
+    NotInteriorNet {
+        /// The dataset.
+        dataset: PathBuf,
+        /// Name of its layout.
+        layout: &'static str,
+    },
     /// The selected part has no photos.
     #[error("{}: none of the {photos} photos is in the selected part", dataset.display())]
     NoPhotos {
@@ -52,16 +65,28 @@ impl PhotoSelection {
     /// Opens the dataset and returns the indices of the selected photos, at least one.
     ///
     /// # Errors
-    /// Unreadable datasets; parts without photos.
+    /// Unreadable datasets, and those that a protocol does not take; parts without photos.
     pub fn open(&self) -> Result<(Box<dyn Dataset>, Vec<usize>), EvalError> {
         let path: &Path = &self.dataset;
         let dataset: Box<dyn Dataset> = match (self.protocol, self.layout) {
             (Some(protocol), _) => Box::new(ProtocolCrops::open(path, protocol)?),
             (None, layout) => {
                 let layout = layout.map_or_else(|| DatasetLayout::detect(path), Ok)?;
+                if self.as_lighthouse && layout == DatasetLayout::InteriorNet {
+                    let dataset = InteriorNet::open(path, self.crops.seed)?.as_lighthouse(path)?;
+                    return self.selected(Box::new(dataset));
+                }
+                if self.as_lighthouse && layout != DatasetLayout::Lighthouse {
+                    return Err(EvalError::NotInteriorNet { dataset: path.to_owned(), layout: layout.name() });
+                }
                 layout.open_with_plans(path, self.crops, self.plans.as_deref())?
             }
         };
+        self.selected(dataset)
+    }
+
+    /// Returns a dataset with the indices of the selected photos.
+    fn selected(&self, dataset: Box<dyn Dataset>) -> Result<(Box<dyn Dataset>, Vec<usize>), EvalError> {
         let indices = indices_of(dataset.as_ref(), self.part, self.most);
         if indices.is_empty() {
             return Err(EvalError::NoPhotos { dataset: self.dataset.clone(), photos: dataset.len() });

@@ -130,8 +130,8 @@ fn stops(truth: &RadianceImage, got: &RadianceImage) -> Option<f64> {
     (truth > 0.0 && got > 0.0).then(|| (got / truth).log2().abs())
 }
 
-/// Adds the figures of a whole panorama and of its seen and unseen parts; of one that is clipped at white, only those of
-/// what a screen shows.
+/// Adds the figures of a whole panorama and of its seen and unseen parts; of one that is clipped at white, only those
+/// of what a screen shows.
 fn parts(
     scores: &mut Scores,
     truth: &RadianceImage,

@@ -1,6 +1,8 @@
 use std::path::Path;
 
-use crate::published::{CropModel, Frames, FutureHouse, InteriorNet, LavalVarying, Lighthouse, Panoramas};
+use crate::published::{
+    CropModel, Frames, FutureHouse, InteriorNet, InteriorVerse, LavalVarying, Lighthouse, Panoramas,
+};
 use crate::{Dataset, DatasetError, Shards};
 
 /// File layout of a dataset.
@@ -12,6 +14,8 @@ pub enum DatasetLayout {
     FutureHouse,
     /// [`InteriorNet`].
     InteriorNet,
+    /// [`InteriorVerse`].
+    InteriorVerse,
     /// [`Lighthouse`].
     Lighthouse,
     /// [`LavalVarying`].
@@ -24,12 +28,13 @@ pub enum DatasetLayout {
 
 impl DatasetLayout {
     /// All layouts, in the order of detection.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Frames,
         Self::Shards,
         Self::FutureHouse,
         Self::Lighthouse,
         Self::InteriorNet,
+        Self::InteriorVerse,
         Self::LavalVarying,
         Self::Panoramas,
     ];
@@ -40,6 +45,7 @@ impl DatasetLayout {
             Self::Shards => "shards",
             Self::FutureHouse => "futurehouse",
             Self::InteriorNet => "interiornet",
+            Self::InteriorVerse => "interiorverse",
             Self::Lighthouse => "lighthouse",
             Self::LavalVarying => "laval-varying",
             Self::Panoramas => "panoramas",
@@ -73,6 +79,8 @@ impl DatasetLayout {
             Ok(Self::Lighthouse)
         } else if InteriorNet::is_at(path) {
             Ok(Self::InteriorNet)
+        } else if InteriorVerse::is_at(path) {
+            Ok(Self::InteriorVerse)
         } else if LavalVarying::is_at(path) {
             Ok(Self::LavalVarying)
         } else if any(&["hdr", "exr", "pfm"]) {
@@ -92,6 +100,7 @@ impl DatasetLayout {
             Self::Shards => Box::new(Shards::open(path)?),
             Self::FutureHouse => Box::new(FutureHouse::open(path, model)?),
             Self::InteriorNet => Box::new(InteriorNet::open(path, model.seed)?),
+            Self::InteriorVerse => Box::new(InteriorVerse::open(path, model.photo, model.seed)?),
             Self::Lighthouse => Box::new(Lighthouse::open(path)?),
             Self::LavalVarying => Box::new(LavalVarying::open(path, model.photo, model.seed)?),
             Self::Panoramas => Box::new(Panoramas::open(path, model)?),

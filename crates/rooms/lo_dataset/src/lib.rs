@@ -38,7 +38,9 @@ pub use loader::Loader;
 pub use loading::{LoadError, LoaderConfig, LoaderState};
 pub use observed::observed_mask;
 pub use preview::ContactSheet;
-pub use published::{CropModel, Frames, FutureHouse, InteriorNet, LavalVarying, Lighthouse, Panoramas, RoomPlan};
+pub use published::{
+    CropModel, Frames, FutureHouse, InteriorNet, InteriorVerse, LavalVarying, Lighthouse, Panoramas, RoomPlan,
+};
 pub use record::{Record, Shot};
 pub use sample::{Metadata, NovelView, Sample, Split};
 pub use shard::{FORMAT_VERSION, ShardFolder, Shards, shard_name, write_shard};

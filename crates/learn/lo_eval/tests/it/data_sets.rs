@@ -5,6 +5,7 @@ use std::path::Path;
 use lo_dataset::CropModel;
 use lo_estimate::Estimator;
 use lo_eval::{DepthInput, Evaluation, Method, PhotoSelection, Scores, Tools};
+use lo_imaging::DepthMap;
 
 use crate::{layouts, lighthouse_layout};
 
@@ -12,12 +13,13 @@ const METHODS: [Method; 4] =
     [Method::MeanColour, Method::Mirrored, Method::Shell(DepthInput::True), Method::TrueOctree];
 
 /// Evaluates two photos and returns each method's mean figures; `None` where a method is not possible.
-fn evaluate(dataset: &Path) -> Vec<Option<Scores>> {
+fn evaluate(dataset: &Path, as_lighthouse: bool) -> Vec<Option<Scores>> {
     let estimator = Estimator::without_networks();
     let tools = Tools { estimator: &estimator, profile: None, octree_depth: 5, seed: 0, known: None, foreign: None };
     let crops = CropModel { width: 96, height: 64, panorama_height: 32, ..CropModel::default() };
     let (layout, protocol, plans, part) = (None, None, None, None);
-    let photos = PhotoSelection { dataset: dataset.to_owned(), layout, protocol, crops, plans, part, most: Some(2) };
+    let dataset = dataset.to_owned();
+    let photos = PhotoSelection { dataset, layout, protocol, as_lighthouse, crops, plans, part, most: Some(2) };
     let report = Evaluation::open(&photos, &METHODS, tools).unwrap().run(1, 1, &mut lo_events::ignore);
     assert!(report.unreadable.is_none() && report.photos > 0, "{:?}", report.unreadable);
     let of_method = |method: &Method| {
@@ -32,7 +34,7 @@ fn evaluate(dataset: &Path) -> Vec<Option<Scores>> {
 fn futurehouse_has_figures_of_radiance_and_coherence() {
     let folder = tempfile::tempdir().unwrap();
     layouts::futurehouse(folder.path());
-    let found = evaluate(folder.path());
+    let found = evaluate(folder.path(), false);
     let [mean, mirrored, shell, octree] = [0, 1, 2, 3].map(|i| found[i].as_ref().unwrap());
     for scores in [mean, mirrored, shell, octree] {
         for name in ["psnr_db", "log_rmse", "relative_si_rmse", "contrast_stops", "coherence", "diffuse_rmse"] {
@@ -50,10 +52,15 @@ fn data_clipped_at_white_has_no_figures_of_light_above_it() {
     let folder = tempfile::tempdir().unwrap();
     let [interiornet, lighthouse] = ["a", "b"].map(|name| folder.path().join(name));
     layouts::interiornet(&interiornet);
+    // With a near corner, the panorama a metre ahead of the first photo is one that Lighthouse chooses.
+    let near = DepthMap::from_fn(48, 32, |x, y| if x < 6 && y < 6 { 0.8 } else { 3.0 });
+    let depth = interiornet.join("HD1/3FO4_Bedroom/original_1_1/depth0/data/0.png");
+    lo_imaging::write_depth(&depth, &near, lo_imaging::GENERATOR).unwrap();
     std::fs::create_dir(&lighthouse).unwrap();
     lighthouse_layout::write(&lighthouse.join("00000.npz"), &lighthouse_layout::arrays());
-    for (path, has_points) in [(&interiornet, true), (&lighthouse, false)] {
-        let found = evaluate(path);
+    let cases = [(&interiornet, false, true), (&interiornet, true, true), (&lighthouse, true, false)];
+    for (path, as_lighthouse, has_points) in cases {
+        let found = evaluate(path, as_lighthouse);
         assert_eq!(found[3].is_some(), has_points, "the true octree needs surface points");
         for scores in found.iter().flatten() {
             assert!(scores.get("pixel_psnr_db").is_some_and(|db| (1.0..60.0).contains(&db)), "{scores:?}");

@@ -4,6 +4,7 @@
 mod camera;
 mod data_sets;
 #[path = "../../../../rooms/lo_dataset/tests/it/layouts.rs"]
+#[expect(dead_code, reason = "not all layouts are evaluated")]
 mod layouts;
 #[path = "../../../../rooms/lo_dataset/tests/it/lighthouse_layout.rs"]
 mod lighthouse_layout;

@@ -174,17 +174,31 @@ fn futurehouse_trains_every_stage() {
     let warnings: Vec<&Event> = events.iter().filter(|event| matches!(event, Event::Warning(_))).collect();
     assert!(!cancelled && warnings.is_empty(), "{warnings:?}");
     // The house of the published validation part has been measured.
-    let reports = events.iter().filter_map(|event| match event {
+    let mut reports = events.iter().filter_map(|event| match event {
         Event::Figures { stage, figures } if *stage == stages::VALIDATION => Some(figures),
         _ => None,
     });
-    let last = reports.last().unwrap();
+    let last = reports.next_back().unwrap();
     let found = |name: &str| last.iter().find(|figure| figure.name == name).map(|figure| figure.value);
     assert!(found("depth_abs_rel").is_some_and(|value| value > 0.0), "{last:?}");
     assert!(
         found("psnr_db").is_some_and(f64::is_finite) && found("true_octree_psnr_db") > found("psnr_db"),
         "{last:?}"
     );
+}
+
+#[test]
+fn interiorverse_trains_the_depth_network() {
+    let folder = tempfile::tempdir().unwrap();
+    let [data, out] = ["data", "out"].map(|name| folder.path().join(name));
+    crate::layouts::interiorverse(&data);
+    std::fs::create_dir(&out).unwrap();
+    let mut config = TrainConfig { data: DataConfig { folder: Some(data), ..DataConfig::default() }, ..config() };
+    config.depth.truncate(1);
+    (config.light, config.joint, config.validation.photos) = (Vec::new(), Vec::new(), 0);
+    let (cancelled, events) = run(&config, &out, false, u64::MAX);
+    let warnings: Vec<&Event> = events.iter().filter(|event| matches!(event, Event::Warning(_))).collect();
+    assert!(!cancelled && warnings.is_empty(), "{warnings:?}");
 }
 
 #[test]

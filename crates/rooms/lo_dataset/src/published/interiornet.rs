@@ -35,11 +35,24 @@ pub struct InteriorNet {
     sequences: Vec<Sequence>,
     /// Sequence and frame of each sample.
     samples: Vec<(u32, u32)>,
+    /// Whether photos and panoramas are those that Lighthouse evaluates.
+    as_lighthouse: bool,
     seed: u64,
 }
 
+/// Choices of Lighthouse (`data_loader.py`, `interiornet_test.py`): sizes of photo and panorama, largest number of
+/// frames between them, smallest brightness of a photo, smallest depth, and the percentile of depth that the panorama
+/// is ahead of. (The code calls it the median, but TensorFlow takes 0.5 as half a percent.)
+const LIGHTHOUSE_PHOTO: [usize; 2] = [320, 240];
+const LIGHTHOUSE_PANORAMA: [usize; 2] = [240, 120];
+const LIGHTHOUSE_FRAMES: usize = 40;
+const LIGHTHOUSE_BRIGHTNESS: f32 = 0.1;
+const LIGHTHOUSE_NEAREST_M: f32 = 0.1;
+const LIGHTHOUSE_PERCENTILE: f32 = 0.005;
+
 #[derive(Debug)]
 struct Sequence {
+    folder: PathBuf,
     scene: String,
     id: String,
     frames: Vec<Frame>,
@@ -86,7 +99,26 @@ impl InteriorNet {
         let numbered = sequences.iter().enumerate();
         let samples =
             numbered.flat_map(|(s, sequence)| (0..sequence.frames.len()).map(move |f| (s as u32, f as u32))).collect();
-        Ok(Self { sequences, samples, seed })
+        Ok(Self { sequences, samples, as_lighthouse: false, seed })
+    }
+
+    /// Chooses as Lighthouse (Srinivasan et al., CVPR 2020) does: no sequences with random light, photos of 320 × 240
+    /// pixels that are not dark and not nearer than 0.1 m to anything, each with one panorama of 240 × 120 pixels at
+    /// most 40 frames away and ahead of the camera, between its nearest and farthest depth.
+    ///
+    /// A photo that does not qualify has no panorama. Which of the qualified frames Lighthouse's own test set holds is
+    /// not published; see [`Lighthouse`](crate::Lighthouse) for that set.
+    ///
+    /// # Errors
+    /// If no sequence is left.
+    pub fn as_lighthouse(mut self, folder: &Path) -> Result<Self, DatasetError> {
+        let is_original = |sequence: u32| !name(&self.sequences[sequence as usize].folder).starts_with("random");
+        self.samples.retain(|&(sequence, _)| is_original(sequence));
+        if self.samples.is_empty() {
+            return Err(DatasetError::layout(folder, "contains sequences with random light alone"));
+        }
+        self.as_lighthouse = true;
+        Ok(self)
     }
 }
 
@@ -145,7 +177,7 @@ impl Sequence {
             Some(_) => (parent.clone(), format!("{parent}-{}", name(path))),
             None => (name(path), name(path)),
         };
-        Ok(Self { scene, id, frames, panoramas })
+        Ok(Self { folder: path.to_owned(), scene, id, frames, panoramas })
     }
 }
 
@@ -241,16 +273,15 @@ impl Dataset for InteriorNet {
         let &(sequence, number) = self.samples.get(index).ok_or(DatasetError::Index { index, len })?;
         let sequence = &self.sequences[sequence as usize];
         let frame = &sequence.frames[number as usize];
-        let Pinhole { camera, position_m, rotation } = frame.pinhole;
-        let photo = read_srgb(&frame.photo)?;
+        let Pinhole { mut camera, position_m, rotation } = frame.pinhole;
+        let mut photo = read_srgb(&frame.photo)?;
         check_size(&frame.photo, photo.width(), photo.height(), &camera)?;
         let depth_m = frame.depth()?;
-        let mut chosen: Vec<usize> = sequence
-            .panoramas
-            .iter()
-            .copied()
-            .filter(|&i| i != number as usize && sees(frame, &depth_m, &sequence.frames[i]))
-            .collect();
+        let is_chosen = |&i: &usize| match self.as_lighthouse {
+            true => i.abs_diff(number as usize) <= LIGHTHOUSE_FRAMES && frame.is_ahead(&depth_m, &sequence.frames[i]),
+            false => i != number as usize && sees(frame, &depth_m, &sequence.frames[i]),
+        };
+        let mut chosen: Vec<usize> = sequence.panoramas.iter().copied().filter(is_chosen).collect();
         chosen.shuffle(&mut lo_random::stream(
             self.seed ^ lo_random::hash(sequence.id.as_bytes()),
             "views",
@@ -258,8 +289,18 @@ impl Dataset for InteriorNet {
         ));
         let own = frame.panorama.is_some().then_some(number as usize);
         let mut views = Vec::new();
-        for i in own.into_iter().chain(chosen).take(VIEWS) {
-            views.extend(sequence.frames[i].view()?);
+        if self.as_lighthouse {
+            if let Some(&i) = chosen.first().filter(|_| is_bright_and_far(&photo, &depth_m)) {
+                views.extend(sequence.frames[i].view(LIGHTHOUSE_PANORAMA)?);
+            }
+            let [width, height] = LIGHTHOUSE_PHOTO;
+            let values = photo.map(|rgb| rgb.map(f32::from));
+            photo = lo_imaging::resize(&values, width, height).map(|rgb| rgb.map(|value| value.round() as u8));
+            camera = camera.resized(width as u32, height as u32);
+        } else {
+            for i in own.into_iter().chain(chosen).take(VIEWS) {
+                views.extend(sequence.frames[i].view([2 * PANORAMA_HEIGHT, PANORAMA_HEIGHT])?);
+            }
         }
         let points = sequence.points(number as usize)?;
         let shot = Shot {
@@ -319,18 +360,36 @@ impl Frame {
         Ok(pixels.filter(|&at| depth_m[at] > 0.0).map(point).collect())
     }
 
-    /// Reads the panorama at this frame's position as linear radiance. Its axes are the camera's.
-    fn view(&self) -> Result<Option<NovelView>, DatasetError> {
+    /// Whether another frame is ahead of this one, farther than its nearest surfaces and nearer than its farthest.
+    fn is_ahead(&self, depth_m: &DepthMap, other: &Self) -> bool {
+        let local = self.pinhole.rotation.inverse() * (other.pinhole.position_m - self.pinhole.position_m);
+        let mut known: Vec<f32> = depth_m.pixels().iter().copied().filter(|z| *z > 0.0).collect();
+        known.sort_unstable_by(f32::total_cmp);
+        let nearest = known.get((LIGHTHOUSE_PERCENTILE * known.len() as f32) as usize);
+        nearest.zip(known.last()).is_some_and(|(nearest, farthest)| (*nearest..*farthest).contains(&-local.z))
+    }
+
+    /// Reads the panorama at this frame's position as linear radiance of this size. Its axes are the camera's.
+    fn view(&self, [width, height]: [usize; 2]) -> Result<Option<NovelView>, DatasetError> {
         let Some(path) = &self.panorama else { return Ok(None) };
         let map: RadianceImage = Photo::Srgb8(read_srgb(path)?).into_radiance();
         if map.width() != 2 * map.height() || map.height() == 0 {
             let reason = format!("{} × {} pixels; a panorama is twice as wide as high", map.width(), map.height());
             return Err(DatasetError::field(path, "size", reason));
         }
-        let radiance = resize_equirectangular(&map, 2 * PANORAMA_HEIGHT, PANORAMA_HEIGHT);
+        let radiance = resize_equirectangular(&map, width, height);
         let Pinhole { position_m, rotation, .. } = self.pinhole;
         Ok(Some(NovelView { position_m, rotation, radiance, depth_m: None }))
     }
+}
+
+/// Whether a photo is neither dark nor close to a surface, by Lighthouse's measures.
+fn is_bright_and_far(photo: &Image<[u8; 3]>, depth_m: &DepthMap) -> bool {
+    let squared = |value: u8| (f32::from(value) / 255.0).powi(2);
+    let brightness = |[r, g, b]: &[u8; 3]| (0.299 * squared(*r) + 0.587 * squared(*g) + 0.114 * squared(*b)).sqrt();
+    let mean = photo.pixels().iter().map(brightness).sum::<f32>() / photo.pixels().len() as f32;
+    let nearest = depth_m.pixels().iter().copied().filter(|z| *z > 0.0).fold(f32::INFINITY, f32::min);
+    mean > LIGHTHOUSE_BRIGHTNESS && nearest > LIGHTHOUSE_NEAREST_M
 }
 
 /// Whether another frame's position projects into a frame's photo and is in front of its surfaces.

@@ -16,8 +16,8 @@ const MAX_SKEW: f32 = 0.01;
 /// photo and a panorama at a position ahead of its camera.
 ///
 /// Arrays, of which the first dimension is a batch of 1, by the authors' `interiornet_test.py` and `data_loader.py`:
-/// `ref_image` and `env_image`, sRGB from 0 to 1; `ref_depth`, metres along the ray, without holes and widened by a pixel;
-/// `intrinsics`; `ref_pose` and `env_pose`, world from camera, whose third axis looks ahead. All samples are
+/// `ref_image` and `env_image`, sRGB from 0 to 1; `ref_depth`, metres along the ray, without holes and widened by a
+/// pixel; `intrinsics`; `ref_pose` and `env_pose`, world from camera, whose third axis looks ahead. All samples are
 /// [`Split::Test`]. Radiance above white is lost.
 #[derive(Debug)]
 pub struct Lighthouse {

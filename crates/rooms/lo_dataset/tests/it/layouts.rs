@@ -86,3 +86,19 @@ pub fn interiornet(root: &Path) -> std::path::PathBuf {
     }
     truth.join("cam0.ccam")
 }
+
+/// Writes two scenes of InteriorVerse, each with one image, of both fields of view.
+pub fn interiorverse(root: &Path) {
+    for (part, hfov_deg) in [("dataset_85", 85.0f32), ("dataset_120", 120.0)] {
+        let tan = (0.5 * hfov_deg).to_radians().tan();
+        for scene in ["scene_a", "scene_b"] {
+            let at = |what: &str| root.join(part).join(scene).join(format!("000_{what}.exr"));
+            // A wall 2 m ahead, with a window without depth.
+            hdr(&at("im"), &Image::from_fn(64, 48, |x, y| [0.2 + 0.01 * x as f32, 0.3, 0.1 + 0.005 * y as f32]));
+            hdr(&at("depth"), &Image::from_fn(64, 48, |x, _| [if x < 8 { f32::INFINITY } else { 2000.0 + tan }; 3]));
+            hdr(&at("albedo"), &Image::new(64, 48, vec![[0.5, 0.4, 0.3]; 64 * 48]));
+        }
+        std::fs::write(root.join(part).join("train.txt"), "scene_a\n").unwrap();
+        std::fs::write(root.join(part).join("test.txt"), "scene_b\n").unwrap();
+    }
+}

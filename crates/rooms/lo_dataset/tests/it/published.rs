@@ -4,13 +4,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use lo_dataset::{
-    CropModel, Dataset, DatasetLayout, Panoramas, Sample, ShardFolder, Shards, Split, convert_to_shards, indices_of,
+    CropModel, Dataset, DatasetLayout, InteriorNet, Panoramas, Sample, ShardFolder, Shards, Split, convert_to_shards,
+    indices_of,
 };
 use lo_geometry::{Vec3, pixel_direction, uv_from_direction};
 use lo_imaging::{DepthMap, Image, linear_from_srgb8, sample_equirectangular, write_depth, write_srgb8};
 use lo_testdata::{panoramas, shared_data};
 
-use crate::layouts::{direction_map, futurehouse, hdr, interiornet, room_distance};
+use crate::layouts::{direction_map, futurehouse, hdr, interiornet, interiorverse, room_distance};
 use crate::lighthouse_layout;
 
 /// Small photos, three per panorama.
@@ -191,6 +192,35 @@ fn interiornet_in_its_published_layout() {
 }
 
 #[test]
+fn interiornet_as_lighthouse_chooses() {
+    let folder = tempfile::tempdir().unwrap();
+    interiornet(folder.path());
+    let open = || InteriorNet::open(folder.path(), 5).unwrap().as_lighthouse(folder.path());
+    let dataset = open().unwrap();
+    // The third frame's panorama, a metre ahead of the first, is nearer than the wall's nearest half percent.
+    let none = dataset.get(0).unwrap();
+    assert_eq!((none.views.len(), none.photo.width(), none.photo.height()), (0, 320, 240));
+    assert!((none.camera.hfov_deg() - 2.0 * (24.0f64 / 30.0).atan().to_degrees()).abs() < 1e-9);
+    // With a near corner it is between the nearest and the farthest surface.
+    let depth = folder.path().join("HD1/3FO4_Bedroom/original_1_1/depth0/data/0.png");
+    let near = DepthMap::from_fn(48, 32, |x, y| if x < 6 && y < 6 { 0.8 } else { 3.0 });
+    write_depth(&depth, &near, lo_imaging::GENERATOR).unwrap();
+    let ahead = dataset.get(0).unwrap();
+    assert_eq!((ahead.views.len(), ahead.views[0].radiance.width()), (1, 240));
+    assert!((ahead.views[0].position_m - Vec3::new(0.0, 0.0, -1.0)).length() < 1e-5);
+    // Dark photos and near surfaces do not qualify.
+    write_depth(&depth, &near.map(|&z| if z < 1.0 { 0.09 } else { z }), lo_imaging::GENERATOR).unwrap();
+    assert_eq!(dataset.get(0).unwrap().views.len(), 0);
+    write_depth(&depth, &near, lo_imaging::GENERATOR).unwrap();
+    let photo = folder.path().join("HD1/3FO4_Bedroom/original_1_1/cam0/data/0.png");
+    write_srgb8(&photo, &Image::new(48, 32, vec![[20; 3]; 48 * 32]), 90, lo_imaging::GENERATOR).unwrap();
+    assert_eq!(dataset.get(0).unwrap().views.len(), 0);
+    let scene = folder.path().join("HD1/3FO4_Bedroom");
+    std::fs::rename(scene.join("original_1_1"), scene.join("random_1_1")).unwrap();
+    assert!(open().unwrap_err().to_string().ends_with("contains sequences with random light alone"));
+}
+
+#[test]
 fn interiornet_errors_name_the_line() {
     let folder = tempfile::tempdir().unwrap();
     let cameras = interiornet(folder.path());
@@ -233,9 +263,9 @@ fn lighthouse_in_its_published_layout() {
     for (x, y) in [(2, 3), (19, 15), (36, 27)] {
         let direction = sample.camera.direction(x as f64 + 0.5, y as f64 + 0.5);
         let shown = sample_equirectangular(&view.radiance, direction);
-        for c in 0..3 {
-            let photo = linear_from_srgb8(sample.photo[(x, y)][c]);
-            assert!((shown[c] - photo).abs() < 0.02, "({x}, {y}) channel {c}: {} {photo}", shown[c]);
+        for (shown, photo) in shown.into_iter().zip(sample.photo[(x, y)]) {
+            let photo = linear_from_srgb8(photo);
+            assert!((shown - photo).abs() < 0.02, "({x}, {y}): {shown} {photo}");
         }
     }
     assert_eq!((view.radiance.width(), view.radiance.height()), (48, 24));
@@ -264,6 +294,35 @@ fn lighthouse_errors_name_the_array() {
     std::fs::write(&path, b"PK").unwrap();
     let error = DatasetLayout::Lighthouse.open(folder.path(), small()).unwrap().get(0).unwrap_err().to_string();
     assert!(error.starts_with(&format!("{}: archive: ", path.display())), "{error}");
+}
+
+#[test]
+fn interiorverse_in_its_published_layout() {
+    let folder = tempfile::tempdir().unwrap();
+    interiorverse(folder.path());
+    assert_eq!(DatasetLayout::detect(folder.path()).unwrap(), DatasetLayout::InteriorVerse);
+    let dataset = DatasetLayout::InteriorVerse.open(folder.path(), small()).unwrap();
+    let ids: Vec<String> = (0..dataset.len()).map(|index| dataset.get(index).unwrap().id).collect();
+    assert_eq!(ids, ["scene_a-000-120", "scene_b-000-120", "scene_a-000-85", "scene_b-000-85"]);
+    let splits: Vec<Split> = (0..4).map(|index| dataset.split(index)).collect();
+    assert_eq!(splits, [Split::Train, Split::Test, Split::Train, Split::Test]);
+    for (index, hfov_deg) in [(1, 120.0), (2, 85.0)] {
+        let sample = dataset.get(index).unwrap();
+        assert!((sample.camera.hfov_deg() - hfov_deg).abs() < 1e-9);
+        let depth_m = sample.depth_m.as_ref().unwrap();
+        assert!(depth_m[(3, 9)] == 0.0 && (depth_m[(30, 9)] - 2.0).abs() < 0.01, "{}", depth_m[(30, 9)]);
+        let (radiance, gains) = (sample.radiance.as_ref().unwrap(), &sample.metadata["photo"]);
+        assert!((radiance[(40, 5)][0] / radiance[(0, 5)][0] - 3.0).abs() < 0.01, "{gains}");
+        assert!(sample.albedo.is_some() && sample.views.is_empty() && sample.points.is_empty());
+    }
+    // One of the two folders is a dataset as well.
+    let part = folder.path().join("dataset_85");
+    assert_eq!(DatasetLayout::detect(&part).unwrap(), DatasetLayout::InteriorVerse);
+    assert_eq!(DatasetLayout::InteriorVerse.open(&part, small()).unwrap().len(), 2);
+    let depth = part.join("scene_a").join("000_depth.exr");
+    hdr(&depth, &Image::new(32, 24, vec![[2000.0; 3]; 32 * 24]));
+    let error = DatasetLayout::InteriorVerse.open(&part, small()).unwrap().get(0).unwrap_err().to_string();
+    assert!(error.ends_with("000_depth.exr: size: 32 × 24 pixels, but the image has 64 × 48"), "{error}");
 }
 
 #[test]
@@ -453,7 +512,7 @@ fn unknown_folders_are_refused() {
     std::fs::write(folder.path().join("letter.txt"), "dear").unwrap();
     let message = DatasetLayout::detect(folder.path()).unwrap_err().to_string();
     assert!(message.ends_with(
-        "unknown dataset layout; supported are frames, shards, futurehouse, lighthouse, interiornet, laval-varying, panoramas"
+        "unknown dataset layout; supported are frames, shards, futurehouse, lighthouse, interiornet, interiorverse, laval-varying, panoramas"
     ));
     assert!(DatasetLayout::detect(&folder.path().join("nowhere")).is_err());
 }
