@@ -17,7 +17,7 @@ use crate::config::{self, ConfigArgs};
 /// Options of `train`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
-    lightoctree-lab train --config configs/recipe.toml --data rooms -o run\n  \
+    lightoctree-lab train --config configs/shipped.toml --data rooms -o run\n  \
     lightoctree-lab train --set light.0.steps=500 --data rooms -o run\n  \
     lightoctree-lab train --resume -o run\n  \
     lightoctree-lab train --print-config > mine.toml\n  \

@@ -118,7 +118,7 @@ pub struct ValidationConfig {
 }
 
 impl Default for TrainConfig {
-    /// The paper's encoder with random weights, trained on generated rooms. `configs/recipe.toml` starts from published
+    /// The paper's encoder with random weights, trained on generated rooms. `configs/shipped.toml` starts from published
     /// weights and adds real photos.
     fn default() -> Self {
         let (depth, light) = (DepthPhase::DEFAULT, LightPhase::DEFAULT);
@@ -134,12 +134,7 @@ impl Default for TrainConfig {
             data: DataConfig::default(),
             augmentation: AugmentationConfig::default(),
             network: LightNetConfig::default(),
-            depth_losses: DepthLossConfig {
-                log_depth: 0.25,
-                absolute: 1.0,
-                adversarial: 0.0,
-                ..DepthLossConfig::default()
-            },
+            depth_losses: DepthLossConfig::default(),
             light_losses: LightLossConfig::default(),
             validation: ValidationConfig::default(),
             depth: vec![
@@ -309,11 +304,20 @@ mod tests {
 
     #[test]
     fn what_lies_in_configs_is_valid() {
-        let recipe: TrainConfig = toml::from_str(include_str!("../../../../configs/recipe.toml")).unwrap();
-        assert_eq!(recipe.validate(), Ok(()));
-        let expected: TrainConfig = toml::from_str(include_str!("../../../../configs/expected.toml")).unwrap();
-        assert_eq!(expected.validate(), Ok(()));
-        assert_eq!(recipe.expected, expected.expected, "one stage, alone and in the recipe");
+        let [shipped, recipe, expected, _] = [
+            include_str!("../../../../configs/shipped.toml"),
+            include_str!("../../../../configs/recipe.toml"),
+            include_str!("../../../../configs/expected.toml"),
+            include_str!("../../../../configs/refine.toml"),
+        ]
+        .map(|text| {
+            let config: TrainConfig = toml::from_str(text).unwrap();
+            assert_eq!(config.validate(), Ok(()));
+            config
+        });
+        for config in [shipped, recipe] {
+            assert_eq!(config.expected, expected.expected, "one stage, alone and in the recipes");
+        }
         let rooms = [include_str!("../../../../configs/rooms.toml"), include_str!("../../../../configs/photos.toml")];
         for text in rooms {
             assert!(toml::from_str::<GeneratorConfig>(text).unwrap().validate().is_ok());

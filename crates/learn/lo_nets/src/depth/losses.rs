@@ -32,13 +32,13 @@ pub struct DepthLossConfig {
 impl Default for DepthLossConfig {
     fn default() -> Self {
         Self {
-            log_depth: 1.0,
-            absolute: 0.0,
+            log_depth: 0.25,
+            absolute: 1.0,
             scale_invariant: 0.5,
             panorama: 1.0,
             panorama_tone: 0.0,
             panorama_irradiance: 0.0,
-            adversarial: 0.01,
+            adversarial: 0.0,
             perspective: 0.1,
         }
     }

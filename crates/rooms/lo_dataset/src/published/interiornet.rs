@@ -77,6 +77,13 @@ struct Pinhole {
     rotation: Quat,
 }
 
+impl Pinhole {
+    /// Returns another camera's position in this one's axes, in metres.
+    fn local(&self, other: &Self) -> Vec3 {
+        self.rotation.inverse() * (other.position_m - self.position_m)
+    }
+}
+
 impl InteriorNet {
     /// Whether a folder looks like the dataset or a part of it.
     pub(crate) fn is_at(folder: &Path) -> bool {
@@ -277,9 +284,13 @@ impl Dataset for InteriorNet {
         let mut photo = read_srgb(&frame.photo)?;
         check_size(&frame.photo, photo.width(), photo.height(), &camera)?;
         let depth_m = frame.depth()?;
-        let is_chosen = |&i: &usize| match self.as_lighthouse {
-            true => i.abs_diff(number as usize) <= LIGHTHOUSE_FRAMES && frame.is_ahead(&depth_m, &sequence.frames[i]),
-            false => i != number as usize && sees(frame, &depth_m, &sequence.frames[i]),
+        let ahead_m = self.as_lighthouse.then(|| lighthouse_range_m(&depth_m, &camera));
+        let is_chosen = |&i: &usize| match ahead_m {
+            Some([nearest_m, farthest_m]) => {
+                let ahead_m = -frame.pinhole.local(&sequence.frames[i].pinhole).z;
+                i.abs_diff(number as usize) <= LIGHTHOUSE_FRAMES && ahead_m > nearest_m && ahead_m < farthest_m
+            }
+            None => i != number as usize && sees(frame, &depth_m, &sequence.frames[i]),
         };
         let mut chosen: Vec<usize> = sequence.panoramas.iter().copied().filter(is_chosen).collect();
         chosen.shuffle(&mut lo_random::stream(
@@ -360,15 +371,6 @@ impl Frame {
         Ok(pixels.filter(|&at| depth_m[at] > 0.0).map(point).collect())
     }
 
-    /// Whether another frame is ahead of this one, farther than its nearest surfaces and nearer than its farthest.
-    fn is_ahead(&self, depth_m: &DepthMap, other: &Self) -> bool {
-        let local = self.pinhole.rotation.inverse() * (other.pinhole.position_m - self.pinhole.position_m);
-        let mut known: Vec<f32> = depth_m.pixels().iter().copied().filter(|z| *z > 0.0).collect();
-        known.sort_unstable_by(f32::total_cmp);
-        let nearest = known.get((LIGHTHOUSE_PERCENTILE * known.len() as f32) as usize);
-        nearest.zip(known.last()).is_some_and(|(nearest, farthest)| (*nearest..*farthest).contains(&-local.z))
-    }
-
     /// Reads the panorama at this frame's position as linear radiance of this size. Its axes are the camera's.
     fn view(&self, [width, height]: [usize; 2]) -> Result<Option<NovelView>, DatasetError> {
         let Some(path) = &self.panorama else { return Ok(None) };
@@ -383,6 +385,18 @@ impl Frame {
     }
 }
 
+/// Returns the distances along the ray between which Lighthouse's panoramas are ahead of the camera; both 0 without
+/// depth.
+fn lighthouse_range_m(depth_m: &DepthMap, camera: &Camera) -> [f32; 2] {
+    let (width, height) = (depth_m.width(), depth_m.height());
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).filter(|&at| depth_m[at] > 0.0);
+    let distance_m = |(x, y)| camera.unproject(x as f64 + 0.5, y as f64 + 0.5, f64::from(depth_m[(x, y)])).length();
+    let mut distances_m: Vec<f32> = pixels.map(distance_m).collect();
+    distances_m.sort_unstable_by(f32::total_cmp);
+    let nearest = distances_m.get((LIGHTHOUSE_PERCENTILE * distances_m.len() as f32) as usize);
+    nearest.zip(distances_m.last()).map_or([0.0; 2], |(nearest, farthest)| [*nearest, *farthest])
+}
+
 /// Whether a photo is neither dark nor close to a surface, by Lighthouse's measures.
 fn is_bright_and_far(photo: &Image<[u8; 3]>, depth_m: &DepthMap) -> bool {
     let squared = |value: u8| (f32::from(value) / 255.0).powi(2);
@@ -394,8 +408,7 @@ fn is_bright_and_far(photo: &Image<[u8; 3]>, depth_m: &DepthMap) -> bool {
 
 /// Whether another frame's position projects into a frame's photo and is in front of its surfaces.
 fn sees(frame: &Frame, depth_m: &DepthMap, other: &Frame) -> bool {
-    let local = frame.pinhole.rotation.inverse() * (other.pinhole.position_m - frame.pinhole.position_m);
-    frame.pinhole.camera.project(local).is_some_and(|(u, v, z)| {
+    frame.pinhole.camera.project(frame.pinhole.local(&other.pinhole)).is_some_and(|(u, v, z)| {
         u >= 0.0
             && v >= 0.0
             && u < depth_m.width() as f64
