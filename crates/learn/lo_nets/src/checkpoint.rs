@@ -375,5 +375,7 @@ mod tests {
             assert!(matches!(Checkpoint::read(&path), Err(CheckpointError::Content { .. })), "{length} bytes");
         }
         assert!(matches!(Checkpoint::read(folder.path().join("none")), Err(CheckpointError::File { .. })));
+        #[cfg(unix)]
+        assert!(Checkpoint::read("/dev/zero").unwrap_err().to_string().contains("only regular files are read"));
     }
 }

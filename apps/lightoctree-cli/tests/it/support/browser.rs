@@ -130,13 +130,20 @@ impl Browser {
         result["result"]["value"].clone()
     }
 
-    /// Waits until an expression is true.
+    /// Waits until an expression is true. While it throws, such as before the page has received the scene's state, it
+    /// is not.
     pub fn wait(&mut self, expression: &str) {
         let begun = Instant::now();
-        while self.value(&format!("Boolean({expression})")) != true {
+        let caught =
+            format!("(() => {{ try {{ return Boolean({expression}); }} catch (e) {{ return String(e); }} }})()");
+        loop {
+            let found = self.value(&caught);
+            if found == true {
+                return;
+            }
             if begun.elapsed() >= PATIENCE {
                 let state = self.value(PAGE_STATE);
-                panic!("waited for {expression} in vain; faults: {:?}; the page: {state}", self.faults);
+                panic!("waited for {expression} in vain ({found}); faults: {:?}; the page: {state}", self.faults);
             }
             std::thread::sleep(Duration::from_millis(30));
         }

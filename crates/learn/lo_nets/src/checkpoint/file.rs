@@ -1,6 +1,5 @@
 //! File format of checkpoints.
 
-use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
 
@@ -11,6 +10,9 @@ use super::{Checkpoint, CheckpointError, Precision, StoredTensor};
 
 /// Version of the file format.
 pub const FORMAT_VERSION: u64 = 1;
+
+/// Largest file. A checkpoint of the paper's networks has 0.3 GB.
+const MAX_BYTES: u64 = 4 << 30;
 
 impl Checkpoint {
     /// Writes the file atomically.
@@ -57,8 +59,7 @@ impl Checkpoint {
     pub fn read(path: impl AsRef<Path>) -> Result<Self, CheckpointError> {
         let path = path.as_ref();
         let system = |source| CheckpointError::File { path: path.display().to_string(), source };
-        let file = File::open(path).map_err(system)?;
-        let length = file.metadata().map_err(system)?.len();
+        let (file, length) = lo_imaging::open_regular_file(path, MAX_BYTES).map_err(system)?;
         Self::from_reader(file, length, path)
     }
 
