@@ -118,8 +118,8 @@ pub struct ValidationConfig {
 }
 
 impl Default for TrainConfig {
-    /// The paper's encoder with random weights, trained on generated rooms. `configs/shipped.toml` starts from published
-    /// weights and adds real photos.
+    /// The paper's encoder with random weights, trained on generated rooms. `configs/shipped.toml` starts from
+    /// published weights and adds real photos.
     fn default() -> Self {
         let (depth, light) = (DepthPhase::DEFAULT, LightPhase::DEFAULT);
         Self {
