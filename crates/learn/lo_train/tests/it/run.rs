@@ -21,14 +21,18 @@ fn small_rooms(crop_size: [u32; 2], shots: u32) -> GeneratorConfig {
     GeneratorConfig { room, shots, panoramas: 1, panorama_height: 16, octree_depth: 5, ..Default::default() }
 }
 
-/// Returns a shard of twelve rooms, generated once for all tests; a room takes a second or two.
+/// Returns a shard of six rooms, one of them for validation, generated once for all tests; a room takes a second or
+/// two.
 fn rooms() -> PathBuf {
     static ROOMS: OnceLock<PathBuf> = OnceLock::new();
     let make = || {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("rooms");
         std::fs::create_dir_all(&folder).unwrap();
         let generator = Generator::new(5, small_rooms([64, 48], 1)).unwrap();
-        write_shard(&folder.join("rooms.tar"), (0..12).map(|room| generator.record(room)), "tests").unwrap();
+        let id = |room| generator.scene_id(room);
+        let of = |split| (0..).filter(move |&room| Split::of(&id(room)) == split).take(5);
+        let rooms = of(Split::Train).chain(of(Split::Validation).take(1));
+        write_shard(&folder.join("rooms.tar"), rooms.map(|room| generator.record(room)), "tests").unwrap();
         folder
     };
     ROOMS.get_or_init(make).clone()
