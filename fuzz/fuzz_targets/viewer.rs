@@ -75,7 +75,7 @@ fuzz_target!(|text: &str| {
     }
     // Every chosen light can be computed.
     if session.state().lights.inferred.is_some() {
-        session.scene().fitted.apply(&session.state().inferred()).expect("invalid white pixels are refused");
+        session.scene().fitted.apply(&session.state().inferred_light()).expect("invalid white pixels are refused");
     }
     while session.undo() {}
     // Seeking is not a step of the history.
