@@ -112,7 +112,9 @@ impl PhotosArgs {
         })?;
         stages.photo_notes(photos.iter().map(PathBuf::as_path).zip(files.iter().map(|(photo, _)| photo)));
         // The first map is compared with the network's.
-        files.first().into_iter().for_each(|(_, depth)| stages.set_depth_units(DepthUnits::of(depth)));
+        if let Some((_, depth)) = files.first() {
+            stages.set_depth_units(DepthUnits::of(depth));
+        }
         stages.note(&format!("pose format: {}", poses.format));
         let exposures_ev = match &self.exposures {
             Some(parse::ExposuresEv(exposures)) => Some(exposures.iter().map(|ev| ev - exposures[0]).collect()),

@@ -24,36 +24,62 @@ impl FramedPhoto {
     /// Crops photos with black bars to their pictures, and reports them. Returns the input, and the first photo as a
     /// whole if it has bars.
     pub fn unframe(input: Input, on_event: OnEvent<'_>) -> Result<(Input, Option<Self>), EstimateError> {
-        let (photo, camera) = match input {
-            Input::Photos { mut photos, exposures } => {
-                let mut first = None;
-                for (index, PosedFrame { frame, .. }) in photos.iter_mut().enumerate() {
-                    let Some(framed) = Self::of(&frame.photo, Some(&frame.camera)) else { continue };
-                    warn(on_event, EstimateWarning::BlackBars { bars: framed.bars, photo: Some(index) })?;
-                    *frame = framed.picture_of(frame);
-                    first = first.or((index == 0).then_some(framed));
+        Ok(match input {
+            Input::Photo { photo, camera } => match Self::reported(&photo, &camera, None, on_event)? {
+                None => (Input::Photo { photo, camera }, None),
+                Some(framed) => {
+                    let (photo, camera) = (framed.picture(), framed.camera_of_picture(&camera));
+                    (Input::Photo { photo, camera }, Some(framed))
                 }
-                return Ok((Input::Photos { photos, exposures }, first));
+            },
+            Input::MeasuredDepth(frame) => {
+                let (frame, framed) = Self::unframed(frame, None, on_event)?;
+                (Input::MeasuredDepth(frame), framed)
             }
-            Input::Photo { ref photo, ref camera } => (photo, camera),
-            Input::MeasuredDepth(ref frame) | Input::PredictedDepth(PredictedDepth { ref frame, .. }) => {
-                (&frame.photo, &frame.camera)
+            Input::PredictedDepth(PredictedDepth { frame, normals, model }) => {
+                let (frame, framed) = Self::unframed(frame, None, on_event)?;
+                let cropped = |normals| match &framed {
+                    Some(framed) => framed.cropped(&normals),
+                    None => normals,
+                };
+                let normals = normals.map(cropped);
+                (Input::PredictedDepth(PredictedDepth { frame, normals, model }), framed)
             }
-        };
-        let Some(framed) = Self::of(photo, Some(camera)) else { return Ok((input, None)) };
-        warn(on_event, EstimateWarning::BlackBars { bars: framed.bars, photo: None })?;
-        let input = match input {
-            Input::Photo { camera, .. } => {
-                Input::Photo { photo: framed.picture(), camera: framed.camera_of_picture(&camera) }
+            Input::Photos { photos, exposures } => {
+                let (mut pictures, mut first) = (Vec::with_capacity(photos.len()), None);
+                for (index, PosedFrame { frame, first_from_camera }) in photos.into_iter().enumerate() {
+                    let (frame, framed) = Self::unframed(frame, Some(index), on_event)?;
+                    pictures.push(PosedFrame { frame, first_from_camera });
+                    first = first.or(framed.filter(|_| index == 0));
+                }
+                (Input::Photos { photos: pictures, exposures }, first)
             }
-            Input::MeasuredDepth(whole) => Input::MeasuredDepth(framed.picture_of(&whole)),
-            Input::PredictedDepth(PredictedDepth { frame: whole, normals, model }) => {
-                let normals = normals.map(|normals| framed.cropped(&normals));
-                Input::PredictedDepth(PredictedDepth { frame: framed.picture_of(&whole), normals, model })
-            }
-            several @ Input::Photos { .. } => several,
-        };
-        Ok((input, Some(framed)))
+        })
+    }
+
+    /// Returns a photo with black bars, and reports them. `index` is the photo's, if there are several.
+    fn reported(
+        photo: &Photo,
+        camera: &Camera,
+        index: Option<usize>,
+        on_event: OnEvent<'_>,
+    ) -> Result<Option<Self>, EstimateError> {
+        let framed = Self::of(photo, Some(camera));
+        if let Some(Self { bars, .. }) = framed {
+            warn(on_event, EstimateWarning::BlackBars { bars, photo: index })?;
+        }
+        Ok(framed)
+    }
+
+    /// Crops a frame with black bars to its picture, as [`FramedPhoto::unframe`] does.
+    fn unframed(
+        frame: Frame,
+        index: Option<usize>,
+        on_event: OnEvent<'_>,
+    ) -> Result<(Frame, Option<Self>), EstimateError> {
+        let framed = Self::reported(&frame.photo, &frame.camera, index, on_event)?;
+        let picture = framed.as_ref().map(|framed| framed.picture_of(&frame));
+        Ok((picture.unwrap_or(frame), framed))
     }
 
     /// Returns the photo without the bars.

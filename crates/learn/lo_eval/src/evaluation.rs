@@ -72,21 +72,17 @@ impl PhotoSelection {
             (Some(protocol), _) => Box::new(ProtocolCrops::open(path, protocol)?),
             (None, layout) => {
                 let layout = layout.map_or_else(|| DatasetLayout::detect(path), Ok)?;
-                if self.as_lighthouse && layout == DatasetLayout::InteriorNet {
-                    let dataset = InteriorNet::open(path, self.crops.seed)?.as_lighthouse(path)?;
-                    return self.selected(Box::new(dataset));
+                match layout {
+                    DatasetLayout::InteriorNet if self.as_lighthouse => {
+                        Box::new(InteriorNet::open(path, self.crops.seed)?.as_lighthouse(path)?)
+                    }
+                    other if self.as_lighthouse && other != DatasetLayout::Lighthouse => {
+                        return Err(EvalError::NotInteriorNet { dataset: path.to_owned(), layout: other.name() });
+                    }
+                    layout => layout.open_with_plans(path, self.crops, self.plans.as_deref())?,
                 }
-                if self.as_lighthouse && layout != DatasetLayout::Lighthouse {
-                    return Err(EvalError::NotInteriorNet { dataset: path.to_owned(), layout: layout.name() });
-                }
-                layout.open_with_plans(path, self.crops, self.plans.as_deref())?
             }
         };
-        self.selected(dataset)
-    }
-
-    /// Returns a dataset with the indices of the selected photos.
-    fn selected(&self, dataset: Box<dyn Dataset>) -> Result<(Box<dyn Dataset>, Vec<usize>), EvalError> {
         let indices = indices_of(dataset.as_ref(), self.part, self.most);
         if indices.is_empty() {
             return Err(EvalError::NoPhotos { dataset: self.dataset.clone(), photos: dataset.len() });

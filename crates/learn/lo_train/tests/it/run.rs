@@ -15,6 +15,7 @@ use lo_train::{
     CHECKPOINT_FILE, DataConfig, DepthPhase, InitialWeights, LOG_FILE, LightPhase, SHEET_FILE, Schedule, TrainConfig,
     TrainError, TrainRequest, ValidationConfig, WEIGHTS_FILE, stages, train,
 };
+use tempfile::TempDir;
 
 fn small_rooms(crop_size: [u32; 2], shots: u32) -> GeneratorConfig {
     let room = SynthConfig { crop_size, ..SynthConfig::default() };
@@ -156,13 +157,24 @@ fn a_run_goes_on_as_if_it_had_not_stopped() {
     }
 }
 
+/// Trains a step of each stage on a small published dataset that `write` creates, without skipping a sample, with the
+/// configuration changed by `change`. Returns the folder of the run and its events.
+fn trained_on(write: impl FnOnce(&Path), change: impl FnOnce(&mut TrainConfig)) -> (TempDir, Vec<Event>) {
+    let (data, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    write(data.path());
+    let mut config = config();
+    config.data.folder = Some(data.path().to_owned());
+    config.depth.truncate(1);
+    config.light.truncate(1);
+    change(&mut config);
+    let (cancelled, events) = run(&config, out.path(), false, u64::MAX);
+    let warnings: Vec<&Event> = events.iter().filter(|event| matches!(event, Event::Warning(_))).collect();
+    assert!(!cancelled && warnings.is_empty(), "{warnings:?}");
+    (out, events)
+}
+
 #[test]
 fn futurehouse_trains_every_stage() {
-    let folder = tempfile::tempdir().unwrap();
-    let [data, out] = ["data", "out"].map(|name| folder.path().join(name));
-    crate::layouts::futurehouse(&data);
-    std::fs::write(data.join("split.json"), r#"{"train": ["000123"], "val": ["000777"], "test": []}"#).unwrap();
-    std::fs::create_dir(&out).unwrap();
     let crop = CropModel {
         width: 120,
         height: 80,
@@ -171,12 +183,11 @@ fn futurehouse_trains_every_stage() {
         anew_each_epoch: true,
         ..Default::default()
     };
-    let mut config = TrainConfig { data: DataConfig { folder: Some(data), crop, ..DataConfig::default() }, ..config() };
-    config.depth.truncate(1);
-    config.light.truncate(1);
-    let (cancelled, events) = run(&config, &out, false, u64::MAX);
-    let warnings: Vec<&Event> = events.iter().filter(|event| matches!(event, Event::Warning(_))).collect();
-    assert!(!cancelled && warnings.is_empty(), "{warnings:?}");
+    let write = |data: &Path| {
+        crate::layouts::futurehouse(data);
+        std::fs::write(data.join("split.json"), r#"{"train": ["000123"], "val": ["000777"], "test": []}"#).unwrap();
+    };
+    let (_, events) = trained_on(write, |config| config.data.crop = crop);
     // The house of the published validation part has been measured.
     let mut reports = events.iter().filter_map(|event| match event {
         Event::Figures { stage, figures } if *stage == stages::VALIDATION => Some(figures),
@@ -193,33 +204,17 @@ fn futurehouse_trains_every_stage() {
 
 #[test]
 fn interiorverse_trains_the_depth_network() {
-    let folder = tempfile::tempdir().unwrap();
-    let [data, out] = ["data", "out"].map(|name| folder.path().join(name));
-    crate::layouts::interiorverse(&data);
-    std::fs::create_dir(&out).unwrap();
-    let mut config = TrainConfig { data: DataConfig { folder: Some(data), ..DataConfig::default() }, ..config() };
-    config.depth.truncate(1);
-    (config.light, config.joint, config.validation.photos) = (Vec::new(), Vec::new(), 0);
-    let (cancelled, events) = run(&config, &out, false, u64::MAX);
-    let warnings: Vec<&Event> = events.iter().filter(|event| matches!(event, Event::Warning(_))).collect();
-    assert!(!cancelled && warnings.is_empty(), "{warnings:?}");
+    trained_on(crate::layouts::interiorverse, |config| {
+        (config.light, config.joint, config.validation.photos) = (Vec::new(), Vec::new(), 0);
+    });
 }
 
 #[test]
 fn interiornet_trains_every_stage_without_light_above_white() {
-    let folder = tempfile::tempdir().unwrap();
-    let [data, out] = ["data", "out"].map(|name| folder.path().join(name));
-    crate::layouts::interiornet(&data);
-    std::fs::create_dir(&out).unwrap();
-    let mut config = TrainConfig { data: DataConfig { folder: Some(data), ..DataConfig::default() }, ..config() };
-    config.depth.truncate(1);
-    config.light.truncate(1);
-    config.validation.photos = 0;
-    let (cancelled, events) = run(&config, &out, false, u64::MAX);
-    let warnings: Vec<&Event> = events.iter().filter(|event| matches!(event, Event::Warning(_))).collect();
-    assert!(!cancelled && warnings.is_empty(), "{warnings:?}");
+    let write = |data: &Path| drop(crate::layouts::interiornet(data));
+    let (out, _) = trained_on(write, |config| config.validation.photos = 0);
     // Rays below white are learned from. The panoramas are no truth for the global decoder.
-    let log = std::fs::read_to_string(out.join(LOG_FILE)).unwrap();
+    let log = std::fs::read_to_string(out.path().join(LOG_FILE)).unwrap();
     let lines: Vec<serde_json::Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let found = |name: &str| lines.iter().filter_map(|line| line["means"][name].as_f64()).collect::<Vec<f64>>();
     assert!(found("novel_radiance").iter().all(|loss| *loss > 0.0) && found("novel_radiance").len() == 2, "{log}");

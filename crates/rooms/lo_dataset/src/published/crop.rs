@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use lo_octree::{Provenance, RadiancePoint};
 
+use super::files::photographed;
 use crate::sample::Metadata;
-use crate::{NovelView, Record, Shot};
+use crate::{NovelView, Record};
 
 /// Cropping of photos from panoramas: directions and cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -102,28 +103,14 @@ impl CropModel {
         if self.even_sharpness {
             settings.blur_px = settings.blur_px.hypot(self.missing_blur_px(&camera, maps.radiance.width()));
         }
-        let taken = settings.photograph(&seen, &camera, &mut stream);
-        let [r, g, b] = taken.gains;
+        let mut shot = photographed(&settings, &seen, camera, &mut stream);
         let depth_m =
             maps.depth_m.map(|depth| lookup(depth, &camera, rotation, |&distance, direction| distance * -direction.z));
-        let shot = Shot {
-            position_m: Vec3::ZERO,
-            rotation: Quat::from_mat3(&rotation),
-            gains: taken.gains,
-            camera,
-            photo: taken.photo,
-            jpeg: Some(taken.jpeg),
-            radiance: Some(seen.map(|rgb| [rgb[0] * r, rgb[1] * g, rgb[2] * b])),
-            depth_m,
-            sensor_depth_m: None,
-            normal: None,
-            albedo: maps.albedo.map(|albedo| lookup(albedo, &camera, rotation, |&rgb, _| rgb)),
-            views: vec![0],
-            metadata: Metadata::from_iter([
-                ("gains".to_owned(), serde_json::json!(taken.gains)),
-                ("photo".to_owned(), serde_json::json!(settings)),
-            ]),
-        };
+        shot.rotation = Quat::from_mat3(&rotation);
+        shot.depth_m = depth_m;
+        shot.albedo = maps.albedo.map(|albedo| lookup(albedo, &camera, rotation, |&rgb, _| rgb));
+        shot.views = vec![0];
+        shot.metadata.insert("gains".to_owned(), serde_json::json!(shot.gains));
         let view = NovelView {
             position_m: Vec3::ZERO,
             rotation: Quat::IDENTITY,

@@ -1,5 +1,4 @@
 use std::borrow::Cow;
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use lo_geometry::{Quat, Vec3, pixel_direction};
@@ -8,8 +7,9 @@ use lo_random::seq::SliceRandom;
 use serde::Deserialize;
 
 use super::crop::{CropModel, PanoramaMaps, pixel_at};
-use super::files::{entries, folders, name, read_panorama};
-use super::panorama_depth::{filled, traced_m};
+use super::files::{check_size, clean, entries, folders, name, read_panorama, size};
+use super::panorama_depth::{filled, inverse, traced_m};
+use super::splits::PublishedSplits;
 use crate::{Dataset, DatasetError, NovelView, Record, Sample, Split};
 
 /// Metres per unit of `_depth.hdr`: the authors' reader multiplies by 10 / 2.
@@ -35,7 +35,7 @@ const PROBES: usize = 6;
 #[derive(Debug)]
 pub struct FutureHouse {
     panoramas: Vec<Panorama>,
-    splits: HashMap<String, Split>,
+    splits: PublishedSplits,
     model: CropModel,
 }
 
@@ -52,20 +52,19 @@ impl PublishedSplit {
     const FILE: &str = "split.json";
 
     /// Reads the file in one of these folders, if there is one.
-    fn read<'a>(folders: impl IntoIterator<Item = &'a Path>) -> Result<HashMap<String, Split>, DatasetError> {
+    fn read<'a>(folders: impl IntoIterator<Item = &'a Path>) -> Result<PublishedSplits, DatasetError> {
         let Some(path) = folders.into_iter().map(|folder| folder.join(Self::FILE)).find(|path| path.is_file()) else {
-            return Ok(HashMap::new());
+            return Ok(PublishedSplits::default());
         };
         let text = std::fs::read(&path).map_err(DatasetError::io(&path))?;
         let Self { train, val, test } =
             serde_json::from_slice(&text).map_err(|error| DatasetError::field(&path, "split", error))?;
-        let mut splits = HashMap::new();
+        let mut splits = PublishedSplits::default();
         for (houses, split) in [(train, Split::Train), (val, Split::Validation), (test, Split::Test)] {
             for house in houses {
-                if splits.get(&house).is_some_and(|other| *other != split) {
+                if splits.assign(&house, split).is_some_and(|other| other != split) {
                     return Err(DatasetError::field(&path, "split", format!("{house} is in two parts")));
                 }
-                splits.insert(house, split);
             }
         }
         Ok(splits)
@@ -143,7 +142,7 @@ impl Dataset for FutureHouse {
         let albedo_file = panorama.beside("albedo");
         let albedo = if albedo_file.is_file() {
             let albedo = read_panorama(&albedo_file)?;
-            check_size(&albedo_file, &albedo, &radiance)?;
+            check_size(&albedo_file, size(&albedo), "the panorama", size(&radiance))?;
             Some(albedo)
         } else {
             None
@@ -157,9 +156,7 @@ impl Dataset for FutureHouse {
         };
         let id = format!("{}-{}", panorama.house, panorama.number);
         let mut record = self.model.crop(&id, panorama.house.clone(), (index % self.crops(), epoch), &maps);
-        if let Some(split) = self.splits.get(&panorama.house) {
-            record.shots[0].metadata.insert(Split::KEY.to_owned(), serde_json::json!(split));
-        }
+        self.splits.note(&panorama.house, &mut record.shots[0].metadata);
         if let Some(light) = &panorama.light {
             add_probes(light, &depth_m, &enclosure_m, self.model.seed, &mut record)?;
         }
@@ -167,8 +164,7 @@ impl Dataset for FutureHouse {
     }
 
     fn split(&self, index: usize) -> Split {
-        let house = &self.panoramas[index / self.crops()].house;
-        self.splits.get(house).copied().unwrap_or_else(|| Split::of(house))
+        self.splits.of(&self.panoramas[index / self.crops()].house)
     }
 }
 
@@ -180,7 +176,7 @@ impl Panorama {
     fn depth(&self, radiance: &RadianceImage) -> Result<DepthMap, DatasetError> {
         let path = self.beside("depth");
         let stored = read_radiance(&path)?;
-        check_size(&path, &stored, radiance)?;
+        check_size(&path, size(&stored), "the panorama", size(radiance))?;
         let depth_m = stored.map(|rgb| match rgb[0] * METRES {
             metres if metres > 0.0 && metres <= FARTHEST_M => metres,
             _ => 0.0,
@@ -190,15 +186,6 @@ impl Panorama {
         }
         Ok(depth_m)
     }
-}
-
-fn check_size(path: &Path, image: &RadianceImage, like: &RadianceImage) -> Result<(), DatasetError> {
-    let (size, expected) = ((image.width(), image.height()), (like.width(), like.height()));
-    if size == expected {
-        return Ok(());
-    }
-    let reason = format!("{} × {} pixels, but the panorama has {} × {}", size.0, size.1, expected.0, expected.1);
-    Err(DatasetError::field(path, "size", reason))
 }
 
 /// Adds the probes that the photo observes. Probe (column, row) of the grid is at the surface seen by the panorama's
@@ -237,6 +224,7 @@ fn add_probes(
     }
     let mut stream = lo_random::stream(seed ^ lo_random::hash(record.key.as_bytes()), "probes", 0);
     seen.shuffle(&mut stream);
+    let inverse = inverse(enclosure_m);
     for (column, row, position_m) in seen {
         if record.views.len() > PROBES {
             break;
@@ -244,8 +232,7 @@ fn add_probes(
         // The grid's probes are rotated by 180° from the panorama: their centre column looks backwards.
         let probe = Image::from_fn(2 * PROBE_HEIGHT, PROBE_HEIGHT, |x, y| {
             let x = (x + PROBE_HEIGHT) % (2 * PROBE_HEIGHT);
-            light[(column * 2 * PROBE_HEIGHT + x, row * PROBE_HEIGHT + y)]
-                .map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 })
+            clean(&light[(column * 2 * PROBE_HEIGHT + x, row * PROBE_HEIGHT + y)])
         });
         // In version 1, the probes of the top and bottom faces are black.
         if probe.pixels().iter().flatten().all(|&v| v == 0.0) {
@@ -254,7 +241,7 @@ fn add_probes(
         record.shots[0].views.push(record.views.len());
         let distance_m = Image::from_fn(2 * PROBE_HEIGHT, PROBE_HEIGHT, |x, y| {
             let direction = pixel_direction(x, y, 2 * PROBE_HEIGHT, PROBE_HEIGHT);
-            traced_m(enclosure_m, position_m, direction).unwrap_or(0.0)
+            traced_m(&inverse, position_m, direction).unwrap_or(0.0)
         });
         record.views.push(NovelView {
             position_m,

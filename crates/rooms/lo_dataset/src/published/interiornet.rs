@@ -8,12 +8,14 @@ use lo_imaging::{
 use lo_octree::{Provenance, RadiancePoint};
 use lo_random::seq::SliceRandom;
 
-use super::files::{entries, folders, name, stem};
+use super::files::{check_panorama, check_size, entries, folders, name, size, stem};
 use crate::sample::Metadata;
 use crate::{Dataset, DatasetError, NovelView, Record, Sample, Shot, evenly_spread};
 
 /// Folder with the camera files of HD1 to HD6.
 const GROUND_TRUTH: &str = "GroundTruth_HD1-HD6";
+/// File that sizes are compared with.
+const CAMERAS: &str = "cam0.ccam";
 /// Height of the returned panoramas. They are stored with 1500 rows.
 const PANORAMA_HEIGHT: usize = 128;
 /// Maximum number of panoramas per sample, including its own.
@@ -189,11 +191,13 @@ impl Sequence {
 }
 
 impl Sequence {
-    /// Reads the surface points of frames all along the sequence, and of frame `number`.
-    fn points(&self, number: usize) -> Result<Vec<RadiancePoint>, DatasetError> {
-        let along = evenly_spread(self.frames.len(), FUSED_FRAMES).filter(|&other| other != number);
-        let points = std::iter::once(number).chain(along).map(|frame| self.frames[frame].points());
-        Ok(points.collect::<Result<Vec<_>, _>>()?.concat())
+    /// Adds the surface points of frames all along the sequence but frame `number`.
+    fn add_points_along(&self, number: usize, points: &mut Vec<RadiancePoint>) -> Result<(), DatasetError> {
+        for other in evenly_spread(self.frames.len(), FUSED_FRAMES).filter(|&other| other != number) {
+            let frame = &self.frames[other];
+            points.extend(frame.points(&frame.picture()?, &frame.depth()?));
+        }
+        Ok(())
     }
 }
 
@@ -281,9 +285,10 @@ impl Dataset for InteriorNet {
         let sequence = &self.sequences[sequence as usize];
         let frame = &sequence.frames[number as usize];
         let Pinhole { mut camera, position_m, rotation } = frame.pinhole;
-        let mut photo = read_srgb(&frame.photo)?;
-        check_size(&frame.photo, photo.width(), photo.height(), &camera)?;
+        let mut photo = frame.picture()?;
         let depth_m = frame.depth()?;
+        let mut points = frame.points(&photo, &depth_m);
+        sequence.add_points_along(number as usize, &mut points)?;
         let ahead_m = self.as_lighthouse.then(|| lighthouse_range_m(&depth_m, &camera));
         let is_chosen = |&i: &usize| match ahead_m {
             Some([nearest_m, farthest_m]) => {
@@ -313,7 +318,6 @@ impl Dataset for InteriorNet {
                 views.extend(sequence.frames[i].view([2 * PANORAMA_HEIGHT, PANORAMA_HEIGHT])?);
             }
         }
-        let points = sequence.points(number as usize)?;
         let shot = Shot {
             position_m,
             rotation,
@@ -348,18 +352,22 @@ impl Frame {
     fn depth(&self) -> Result<DepthMap, DatasetError> {
         let camera = &self.pinhole.camera;
         let distance = read_depth(&self.depth, Some(1000.0))?;
-        check_size(&self.depth, distance.width(), distance.height(), camera)?;
+        check_size(&self.depth, size(&distance), CAMERAS, camera_size(camera))?;
         Ok(Image::from_fn(distance.width(), distance.height(), |x, y| {
             distance[(x, y)] * -camera.direction(x as f64 + 0.5, y as f64 + 0.5).z
         }))
     }
 
-    /// Reads the surface points that this frame shows, in the world's axes.
-    fn points(&self) -> Result<Vec<RadiancePoint>, DatasetError> {
-        let Pinhole { camera, position_m, rotation } = self.pinhole;
+    /// Reads the photo.
+    fn picture(&self) -> Result<Image<[u8; 3]>, DatasetError> {
         let photo = read_srgb(&self.photo)?;
-        check_size(&self.photo, photo.width(), photo.height(), &camera)?;
-        let depth_m = self.depth()?;
+        check_size(&self.photo, size(&photo), CAMERAS, camera_size(&self.pinhole.camera))?;
+        Ok(photo)
+    }
+
+    /// Returns the surface points that this frame's photo and depth show, in the world's axes.
+    fn points(&self, photo: &Image<[u8; 3]>, depth_m: &DepthMap) -> Vec<RadiancePoint> {
+        let Pinhole { camera, position_m, rotation } = self.pinhole;
         let rows = (FUSED_STEP / 2..depth_m.height()).step_by(FUSED_STEP);
         let pixels = rows.flat_map(|y| (FUSED_STEP / 2..depth_m.width()).step_by(FUSED_STEP).map(move |x| (x, y)));
         let point = |(x, y): (usize, usize)| RadiancePoint {
@@ -368,17 +376,14 @@ impl Frame {
             radiance: photo[(x, y)].map(linear_from_srgb8),
             provenance: Provenance::Inferred,
         };
-        Ok(pixels.filter(|&at| depth_m[at] > 0.0).map(point).collect())
+        pixels.filter(|&at| depth_m[at] > 0.0).map(point).collect()
     }
 
     /// Reads the panorama at this frame's position as linear radiance of this size. Its axes are the camera's.
     fn view(&self, [width, height]: [usize; 2]) -> Result<Option<NovelView>, DatasetError> {
         let Some(path) = &self.panorama else { return Ok(None) };
         let map: RadianceImage = Photo::Srgb8(read_srgb(path)?).into_radiance();
-        if map.width() != 2 * map.height() || map.height() == 0 {
-            let reason = format!("{} × {} pixels; a panorama is twice as wide as high", map.width(), map.height());
-            return Err(DatasetError::field(path, "size", reason));
-        }
+        check_panorama(path, "size", &map)?;
         let radiance = resize_equirectangular(&map, width, height);
         let Pinhole { position_m, rotation, .. } = self.pinhole;
         Ok(Some(NovelView { position_m, rotation, radiance, depth_m: None }))
@@ -395,6 +400,10 @@ fn lighthouse_range_m(depth_m: &DepthMap, camera: &Camera) -> [f32; 2] {
     distances_m.sort_unstable_by(f32::total_cmp);
     let nearest = distances_m.get((LIGHTHOUSE_PERCENTILE * distances_m.len() as f32) as usize);
     nearest.zip(distances_m.last()).map_or([0.0; 2], |(nearest, farthest)| [*nearest, *farthest])
+}
+
+fn camera_size(camera: &Camera) -> (usize, usize) {
+    (camera.width as usize, camera.height as usize)
 }
 
 /// Whether a photo is neither dark nor close to a surface, by Lighthouse's measures.
@@ -422,12 +431,4 @@ fn read_srgb(path: &Path) -> Result<Image<[u8; 3]>, DatasetError> {
         photo @ (Photo::Srgb8(_) | Photo::Encoded8(_)) => Ok(photo.into_srgb8()),
         Photo::Linear(_) => Err(DatasetError::field(path, "picture", "8-bit sRGB is expected")),
     }
-}
-
-fn check_size(path: &Path, width: usize, height: usize, camera: &Camera) -> Result<(), DatasetError> {
-    if (width as u32, height as u32) == (camera.width, camera.height) {
-        return Ok(());
-    }
-    let reason = format!("{width} × {height} pixels, but cam0.ccam has {} × {}", camera.width, camera.height);
-    Err(DatasetError::field(path, "size", reason))
 }

@@ -1,12 +1,12 @@
 use std::borrow::Cow;
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use lo_geometry::{Camera, Quat, Vec3};
+use lo_geometry::Camera;
 use lo_imaging::{read_depth, read_radiance};
 use lo_sensor::PhotoModel;
 
-use super::files::{entries, folders, name};
+use super::files::{check_jpeg, check_size, clean, entries, folders, name, photographed, size};
+use super::splits::PublishedSplits;
 use crate::sample::Metadata;
 use crate::{Dataset, DatasetError, Record, Sample, Shot, Split};
 
@@ -29,7 +29,7 @@ const LISTS: [(&str, Split); 3] =
 #[derive(Debug)]
 pub struct InteriorVerse {
     images: Vec<RenderedImage>,
-    splits: HashMap<String, Split>,
+    splits: PublishedSplits,
     photo: PhotoModel,
     seed: u64,
 }
@@ -71,13 +71,15 @@ impl InteriorVerse {
     /// # Errors
     /// If a folder or a list cannot be read, or there is no image.
     pub fn open(folder: &Path, photo: PhotoModel, seed: u64) -> Result<Self, DatasetError> {
-        let (mut found, mut splits) = (Vec::new(), HashMap::new());
+        let (mut found, mut splits) = (Vec::new(), PublishedSplits::default());
         for (part, hfov_deg) in parts(folder)? {
             for (list, split) in LISTS {
                 let path = part.join(list);
                 if path.is_file() {
                     let text = std::fs::read_to_string(&path).map_err(DatasetError::io(&path))?;
-                    splits.extend(text.lines().map(|scene| (scene.trim().to_owned(), split)));
+                    for scene in text.lines() {
+                        splits.assign(scene.trim(), split);
+                    }
                 }
             }
             for scene in folders(&part)? {
@@ -104,35 +106,21 @@ impl Dataset for InteriorVerse {
     fn get(&self, index: usize) -> Result<Sample, DatasetError> {
         let RenderedImage { path, scene, hfov_deg } =
             self.images.get(index).ok_or(DatasetError::Index { index, len: self.images.len() })?;
-        let seen =
-            read_radiance(path)?.map(|rgb| rgb.map(|value| if value.is_finite() { value.max(0.0) } else { 0.0 }));
+        let seen = read_radiance(path)?.map(clean);
         let (width, height) = (seen.width(), seen.height());
-        if width.max(height) > usize::from(u16::MAX) {
-            return Err(DatasetError::field(
-                path,
-                "size",
-                format!("{width} × {height} pixels exceed the limit of JPEG"),
-            ));
-        }
+        check_jpeg(path, &seen)?;
         let camera = Camera::from_hfov_deg(*hfov_deg, width as u32, height as u32)
             .map_err(|error| DatasetError::field(path, "size", error))?;
         let number = name(path);
         let number = number.strip_suffix(IMAGE).unwrap_or(&number);
         let beside = |what: &str| path.with_file_name(format!("{number}_{what}.exr"));
-        let same_size = |other: &Path, size: (usize, usize)| match size == (width, height) {
-            true => Ok(()),
-            false => {
-                let reason = format!("{} × {} pixels, but the image has {width} × {height}", size.0, size.1);
-                Err(DatasetError::field(other, "size", reason))
-            }
-        };
         let depth_file = beside("depth");
         let depth_m = read_depth(&depth_file, Some(1000.0))?;
-        same_size(&depth_file, (depth_m.width(), depth_m.height()))?;
+        check_size(&depth_file, size(&depth_m), "the image", size(&seen))?;
         let albedo_file = beside("albedo");
         let albedo = if albedo_file.is_file() {
             let albedo = read_radiance(&albedo_file)?;
-            same_size(&albedo_file, (albedo.width(), albedo.height()))?;
+            check_size(&albedo_file, size(&albedo), "the image", size(&seen))?;
             Some(albedo)
         } else {
             None
@@ -140,27 +128,8 @@ impl Dataset for InteriorVerse {
         let id = format!("{scene}-{number}-{hfov_deg}");
         let mut stream = lo_random::stream(self.seed ^ lo_random::hash(id.as_bytes()), "photo", 0);
         let settings = self.photo.draw(&mut stream);
-        let taken = settings.photograph(&seen, &camera, &mut stream);
-        let [r, g, b] = taken.gains;
-        let mut metadata = Metadata::from_iter([("photo".to_owned(), serde_json::json!(settings))]);
-        if let Some(split) = self.splits.get(scene) {
-            metadata.insert(Split::KEY.to_owned(), serde_json::json!(split));
-        }
-        let shot = Shot {
-            position_m: Vec3::ZERO,
-            rotation: Quat::IDENTITY,
-            gains: taken.gains,
-            camera,
-            photo: taken.photo,
-            jpeg: Some(taken.jpeg),
-            radiance: Some(seen.map(|rgb| [rgb[0] * r, rgb[1] * g, rgb[2] * b])),
-            depth_m: Some(depth_m),
-            sensor_depth_m: None,
-            normal: None,
-            albedo,
-            views: Vec::new(),
-            metadata,
-        };
+        let mut shot = Shot { depth_m: Some(depth_m), albedo, ..photographed(&settings, &seen, camera, &mut stream) };
+        self.splits.note(scene, &mut shot.metadata);
         let record = Record {
             key: id,
             scene_id: scene.clone(),
@@ -175,7 +144,6 @@ impl Dataset for InteriorVerse {
     }
 
     fn split(&self, index: usize) -> Split {
-        let scene = &self.images[index].scene;
-        self.splits.get(scene).copied().unwrap_or_else(|| Split::of(scene))
+        self.splits.of(&self.images[index].scene)
     }
 }

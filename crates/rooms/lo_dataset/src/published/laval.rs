@@ -1,14 +1,14 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use lo_geometry::{Camera, Quat, Vec3};
+use lo_geometry::{Camera, Quat};
 use lo_imaging::{RadianceImage, read_radiance, resize_equirectangular};
 use lo_sensor::PhotoModel;
 use serde::Deserialize;
 
-use super::files::{folders, name, read_panorama};
+use super::files::{check_jpeg, clean, folders, name, photographed, read_panorama};
 use crate::sample::Metadata;
-use crate::{Dataset, DatasetError, NovelView, Record, Sample, Shot};
+use crate::{Dataset, DatasetError, NovelView, Record, Sample};
 
 /// File that describes a scene's files.
 const SCENE: &str = "scene.json";
@@ -81,10 +81,7 @@ impl Dataset for LavalVarying {
         let scene: Description =
             serde_json::from_slice(&text).map_err(|error| DatasetError::field(&path, "description", error))?;
         let seen: RadianceImage = read_radiance(folder.join(&scene.photo))?;
-        if seen.width().max(seen.height()) > usize::from(u16::MAX) {
-            let reason = format!("{} × {} pixels exceed the limit of JPEG", seen.width(), seen.height());
-            return Err(DatasetError::field(&folder.join(&scene.photo), "size", reason));
-        }
+        check_jpeg(&folder.join(&scene.photo), &seen)?;
         let camera = Camera::from_hfov_deg(scene.hfov_deg, seen.width() as u32, seen.height() as u32)
             .map_err(|error| DatasetError::field(&path, "hfov_deg", error))?;
         let mut views = Vec::with_capacity(scene.probes.len());
@@ -110,26 +107,9 @@ impl Dataset for LavalVarying {
         let id = name(folder);
         let mut stream = lo_random::stream(self.seed ^ lo_random::hash(id.as_bytes()), "photo", 0);
         let settings = self.photo.draw(&mut stream);
-        let taken = settings.photograph(&seen, &camera, &mut stream);
-        let [r, g, b] = taken.gains;
-        let shot =
-            Shot {
-                position_m: Vec3::ZERO,
-                rotation: Quat::IDENTITY,
-                gains: taken.gains,
-                camera,
-                photo: taken.photo,
-                jpeg: Some(taken.jpeg),
-                radiance: Some(seen.map(|rgb| {
-                    [rgb[0] * r, rgb[1] * g, rgb[2] * b].map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 })
-                })),
-                depth_m: None,
-                sensor_depth_m: None,
-                normal: None,
-                albedo: None,
-                views: (0..views.len()).collect(),
-                metadata: Metadata::from_iter([("photo".to_owned(), serde_json::json!(settings))]),
-            };
+        let mut shot = photographed(&settings, &seen, camera, &mut stream);
+        shot.radiance = shot.radiance.map(|radiance| radiance.map(clean));
+        shot.views = (0..views.len()).collect();
         let record = Record {
             key: id.clone(),
             scene_id: id,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use lo_geometry::{Camera, Mat3, Quat, Vec3};
 use lo_imaging::{DepthMap, Image, linear_from_srgb};
 
-use super::files::{entries, stem};
+use super::files::{check_panorama, entries, stem};
 use super::npz::Npz;
 use crate::sample::Metadata;
 use crate::{Dataset, DatasetError, NovelView, Record, Sample, Shot, Split};
@@ -63,11 +63,7 @@ impl Dataset for Lighthouse {
             Ok(Image::from_fn(width, height, |x, y| [0, 1, 2].map(|c| values[3 * (y * width + x) + c])))
         };
         let (photo, panorama) = (picture("ref_image")?, picture("env_image")?);
-        if panorama.width() != 2 * panorama.height() {
-            let reason =
-                format!("{} × {} pixels; a panorama is twice as wide as high", panorama.width(), panorama.height());
-            return Err(DatasetError::field(path, "env_image", reason));
-        }
+        check_panorama(path, "env_image", &panorama)?;
         let (width, height) = (photo.width(), photo.height());
         let camera = camera(&mut file, path, [width, height])?;
         let (distances, size) = file.array::<2>("ref_depth")?;

@@ -12,6 +12,7 @@ mod npz;
 mod panorama_depth;
 mod panoramas;
 mod room_plan;
+mod splits;
 
 pub use crop::CropModel;
 pub use frames::Frames;

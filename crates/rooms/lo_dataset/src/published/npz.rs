@@ -23,9 +23,9 @@ impl Npz {
         Ok(Self { path: path.to_owned(), archive })
     }
 
-    /// Reads an array of floats or bytes in C order: its values, and the sizes of its dimensions without a first one of
-    /// 1, which stands for the batch.
-    pub fn values(&mut self, name: &str) -> Result<(Vec<f32>, Vec<usize>), DatasetError> {
+    /// Reads an array of floats or bytes in C order: its values, and the sizes of its `N` dimensions without a first
+    /// one of 1, which stands for the batch.
+    pub fn array<const N: usize>(&mut self, name: &str) -> Result<(Vec<f32>, [usize; N]), DatasetError> {
         let Self { path, archive } = self;
         let wrong = |reason: String| DatasetError::field(path, name, reason);
         let member = archive.by_name(&format!("{name}.npy")).map_err(|error| wrong(error.to_string()))?;
@@ -34,19 +34,11 @@ impl Npz {
         if array.order() != Order::C || count.is_none_or(|count| count > MAX_VALUES) {
             return Err(wrong(format!("an array of {:?} in C order is expected", array.shape())));
         }
-        let sizes = array.shape().iter().map(|&size| size as usize);
-        let sizes: Vec<usize> =
-            sizes.enumerate().filter(|&(axis, size)| axis > 0 || size != 1).map(|(_, s)| s).collect();
+        let shape = array.shape().strip_prefix(&[1]).unwrap_or(array.shape());
+        let sizes: Vec<usize> = shape.iter().map(|&size| size as usize).collect();
         let values = floats(array).map_err(wrong)?;
-        Ok((values, sizes))
-    }
-
-    /// Reads an array of `N` dimensions.
-    pub fn array<const N: usize>(&mut self, name: &str) -> Result<(Vec<f32>, [usize; N]), DatasetError> {
-        let (values, sizes) = self.values(name)?;
-        let sizes = <[usize; N]>::try_from(&sizes[..]).map_err(|_| {
-            DatasetError::field(&self.path, name, format!("shape {sizes:?}; {N} dimensions are expected"))
-        })?;
+        let sizes = <[usize; N]>::try_from(&sizes[..])
+            .map_err(|_| wrong(format!("shape {sizes:?}; {N} dimensions are expected")))?;
         Ok((values, sizes))
     }
 }

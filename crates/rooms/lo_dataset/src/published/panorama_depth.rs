@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use lo_geometry::{Vec3, uv_from_direction};
-use lo_imaging::DepthMap;
+use lo_geometry::Vec3;
+use lo_imaging::{DepthMap, RadianceImage, sample_equirectangular};
 
 /// Distance from which a ray is traced: it starts on a surface, whose pixels lie on both sides of it.
 const START_M: f32 = 0.05;
@@ -41,16 +41,22 @@ pub(super) fn filled(distance_m: &DepthMap) -> DepthMap {
     filled
 }
 
+/// Returns inverse distances, which are linear on a plane, nearly so in an equirectangular image, in the form that
+/// [`traced_m`] interpolates.
+pub(super) fn inverse(distance_m: &DepthMap) -> RadianceImage {
+    distance_m.map(|distance_m| [1.0 / distance_m; 3])
+}
+
 /// Traces a ray from a position on a surface, relative to the camera, to the next surface that a panorama without holes
-/// shows. Returns its distance from the position.
+/// shows, by its [`inverse`] distances. Returns its distance from the position.
 ///
 /// The position may be somewhat behind its own surface, as depth has the resolution of a pixel. Returns `None` if the
 /// ray passes behind a surface: what is there is not shown.
-pub(super) fn traced_m(enclosure_m: &DepthMap, origin: Vec3, direction: Vec3) -> Option<f32> {
+pub(super) fn traced_m(inverse: &RadianceImage, origin: Vec3, direction: Vec3) -> Option<f32> {
     let behind_m = |t: f32| {
         let at = origin + t * direction;
         let distance_m = at.length();
-        (distance_m - interpolated_m(enclosure_m, at.normalize_or(Vec3::Y)), distance_m)
+        (distance_m - 1.0 / sample_equirectangular(inverse, at.normalize_or(Vec3::Y))[0], distance_m)
     };
     let mut in_front = None;
     let mut t = START_M;
@@ -67,20 +73,6 @@ pub(super) fn traced_m(enclosure_m: &DepthMap, origin: Vec3, direction: Vec3) ->
         t += (STEP * distance_m).max(MIN_STEP_M);
     }
     None
-}
-
-/// Interpolates the distance in a direction between the four nearest pixels. Inverse distance is linear on a plane,
-/// nearly so in an equirectangular image.
-fn interpolated_m(distance_m: &DepthMap, direction: Vec3) -> f32 {
-    let (width, height) = (distance_m.width(), distance_m.height());
-    let uv = uv_from_direction(direction);
-    let (x, y) = (uv.x * width as f32 - 0.5, (uv.y * height as f32 - 0.5).clamp(0.0, height as f32 - 1.0));
-    let (left, top) = (x.floor(), y.floor().min(height as f32 - 2.0).max(0.0));
-    let column = |x: f32| (x as isize).rem_euclid(width as isize) as usize;
-    let row = |y: f32| (y as usize).min(height - 1);
-    let inverse = |x: f32, y: f32| 1.0 / distance_m[(column(x), row(y))];
-    let across = |y: f32| inverse(left, y) + (x - left) * (inverse(left + 1.0, y) - inverse(left, y));
-    1.0 / (across(top) + (y - top) * (across(top + 1.0) - across(top)))
 }
 
 /// Returns the smallest value at which `holds`, between one at which it does not and one at which it does.
@@ -125,7 +117,7 @@ mod tests {
 
     #[test]
     fn rays_from_the_walls_of_a_box_end_on_the_other_walls() {
-        let map = room(512);
+        let map = inverse(&room(512));
         let half = Vec3::new(2.0, 1.5, 3.0);
         let (mut count, mut worst) = (0, 0.0f32);
         for i in 0..400 {
@@ -157,6 +149,7 @@ mod tests {
             let direction = pixel_direction(x, y, 512, 256);
             if column(direction) { 1.0 / direction.z.abs() } else { box_m(direction) }
         });
+        let map = inverse(&map);
         // From the right side of the wall ahead to the left: behind the column.
         assert_eq!(traced_m(&map, Vec3::new(1.9, 0.0, -2.9), Vec3::NEG_X), None);
         // From behind the camera onto the column.
