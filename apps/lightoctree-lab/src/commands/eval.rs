@@ -15,8 +15,8 @@ use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{output, report};
 use lo_dataset::{CropModel, Generator, GeneratorConfig};
 use lo_eval::{
-    EvalError, Evaluation, InsertionEvaluation, InsertionMethod, Method, PhotoSelection, Profile, ProfileError,
-    Protocol, Report, Tools,
+    EvalError, Evaluation, External, InsertionEvaluation, InsertionMethod, Method, PhotoSelection, Profile,
+    ProfileError, Protocol, Report, Tools, VIEWS_FILE, write_views,
 };
 use lo_imaging as imaging;
 use lo_insert::Quality;
@@ -33,6 +33,8 @@ use crate::stage_bar::StageBar;
     lightoctree-lab eval rooms --profile profile.json --weights trained.safetensors -o report\n  \
     lightoctree-lab eval panoramas --split all --profile profile.json -o report\n  \
     lightoctree-lab eval panoramas --split all --protocol three-spheres -o report\n  \
+    lightoctree-lab eval panoramas --split all --write-views views\n  \
+    lightoctree-lab eval panoramas --split all --external other=views -o report\n  \
     lightoctree-lab eval configs/insertion.toml --protocol insertion --seed 11 --samples 66 -o report\n\n\
     Files in the output folder:\n  \
     summary.md    tables of all figures\n  \
@@ -107,6 +109,22 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json", conflicts_with_all = ["output", "profile", "weights", "methods"])]
     make_profile: Option<PathBuf>,
 
+    /// Write the photos, their cameras, depth and the positions of their panoramas for other programs, and exit
+    ///
+    /// The folder gets views.json, which names the panorama wanted for each photo and position.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "profile", "weights", "methods", "make_profile"])]
+    write_views: Option<PathBuf>,
+
+    /// Also score the panoramas of another program, in a folder with views.json; may be repeated
+    ///
+    /// Where the panorama of a position is missing, the photo's one panorama is used.
+    #[arg(long, value_name = "NAME=DIR", value_parser = external)]
+    external: Vec<(String, PathBuf)>,
+
+    /// Also write each method's panoramas into DIR/METHOD, in the form that --external reads
+    #[arg(long, value_name = "DIR")]
+    panoramas: Option<PathBuf>,
+
     /// Octree depth; networks use at least their own depth
     #[arg(long, value_name = "D", default_value_t = 7, value_parser = clap::value_parser!(u32).range(5..=9))]
     octree_depth: u32,
@@ -124,7 +142,7 @@ pub struct Args {
     truths: Option<PathBuf>,
 
     /// Output folder
-    #[arg(long, short, value_name = "DIR", required_unless_present = "make_profile")]
+    #[arg(long, short, value_name = "DIR", required_unless_present_any = ["make_profile", "write_views"])]
     output: Option<PathBuf>,
 
     /// Write into a folder with other contents, or overwrite another file
@@ -164,6 +182,9 @@ impl ProtocolName {
 const COMMAND: &str = "eval";
 const MANIFEST: &str = "summary.json";
 
+/// Longest name of another program.
+const MAX_NAME: usize = 40;
+
 /// Default number of rooms of the protocol insertion.
 const INSERTION_ROOMS: usize = 60;
 
@@ -181,20 +202,38 @@ fn methods_by_name<T: Copy>(names: &[String], all: &[T], name: impl Fn(T) -> &'s
     names.iter().map(find).collect()
 }
 
+/// Returns all methods that can be named.
+fn all_methods() -> impl Iterator<Item = Method> {
+    Method::ALL.into_iter().chain(Method::WITH_LAMPS).chain(Method::WITH_DETAIL).chain(Method::WITH_PANORAMA)
+}
+
 fn methods(args: &Args) -> Result<Vec<Method>, Usage> {
-    let all: Vec<Method> = Method::ALL
-        .into_iter()
-        .chain(Method::WITH_LAMPS)
-        .chain(Method::WITH_DETAIL)
-        .chain(Method::WITH_PANORAMA)
-        .collect();
-    methods_by_name(&args.methods, &all, Method::name)
+    methods_by_name(&args.methods, &all_methods().collect::<Vec<_>>(), Method::name)
+}
+
+/// Parses `NAME=DIR` of `--external`. Names become cells of tables.
+fn external(text: &str) -> Result<(String, PathBuf), String> {
+    let (name, folder) = text.split_once('=').ok_or("expected NAME=DIR")?;
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "._+-".contains(c);
+    if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(is_plain) {
+        return Err(format!("the name must have 1 to {MAX_NAME} letters, digits or any of . _ + -"));
+    }
+    if all_methods().any(|method| method.name() == name) {
+        return Err(format!("{name} is a method of this program; choose another name"));
+    }
+    if folder.is_empty() {
+        return Err("expected NAME=DIR".into());
+    }
+    Ok((name.to_owned(), folder.into()))
 }
 
 /// Runs the evaluation, or computes a profile.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let Some(path) = &args.make_profile {
         return make_profile(global, args, path);
+    }
+    if let Some(folder) = &args.write_views {
+        return list_views(global, args, folder);
     }
     let folder = args.output.as_deref().ok_or_else(|| Usage("--output DIR is required".into()))?;
     let profile = args.profile.as_deref().map(read_profile).transpose()?;
@@ -222,8 +261,16 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     } else {
         let methods = methods(args)?;
         check_tools(&methods, &tools)?;
+        let externals = externals(args)?;
         let evaluation = Evaluation::open(&photos(global, args, args.split)?, &methods, tools).map_err(usage)?;
+        let mut evaluation = evaluation.with_externals(externals).map_err(usage)?;
         output::prepare_folder(folder, MANIFEST, COMMAND, args.force)?;
+        if let Some(panoramas) = &args.panoramas {
+            for method in evaluation.methods() {
+                output::check_folder(&panoramas.join(method.name()), VIEWS_FILE, COMMAND, args.force)?;
+            }
+            evaluation = evaluation.keeping_panoramas(panoramas.clone(), output::signature(COMMAND));
+        }
         let mut bar = StageBar::new(global.quiet);
         evaluation.run(rows, args.walks as usize, &mut |event| bar.handle(event))
     };
@@ -236,7 +283,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         report::print(&report.summary.cost_markdown());
         report::print(&format!("{}  {done} photos, {}", folder.display(), seconds(begun.elapsed())));
     }
-    if let Some(error) = report.unreadable {
+    if let Some(error) = report.error {
         return Err(error).with_context(|| format!("after {done} of {asked} photos"));
     }
     if done < asked {
@@ -260,9 +307,25 @@ fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<Photo
     })
 }
 
+/// Opens the folders of `--external`.
+fn externals(args: &Args) -> anyhow::Result<Vec<External>> {
+    let mut externals: Vec<External> = Vec::new();
+    for (name, folder) in &args.external {
+        if externals.iter().any(|other| other.name() == name) {
+            return Err(Usage(format!("--external: {name} is given twice")).into());
+        }
+        externals.push(External::open(name, folder).with_context(|| format!("--external {name}"))?);
+    }
+    Ok(externals)
+}
+
 /// Prepares the protocol insertion in the rooms of a configuration.
 fn insertion<'a>(global: &Global, args: &Args, tools: Tools<'a>) -> anyhow::Result<InsertionEvaluation<'a>> {
     let methods = methods_by_name(&args.methods, &InsertionMethod::ALL, InsertionMethod::name)?;
+    if !args.external.is_empty() || args.panoramas.is_some() {
+        let message = "the protocol insertion scores objects, no panoramas: --external and --panoramas have no effect";
+        return Err(Usage(message.into()).into());
+    }
     if tools.estimator.networks().is_none() {
         return Err(Usage("the protocol insertion requires --weights FILE".into()).into());
     }
@@ -280,6 +343,7 @@ fn usage(error: EvalError) -> anyhow::Error {
     match error {
         EvalError::NoPhotos { .. } => Usage(format!("{error}; see --split")).into(),
         EvalError::NotInteriorNet { .. } => Usage(format!("--protocol: {error}")).into(),
+        EvalError::External(error) => Usage(format!("--external: {error}")).into(),
         error => error.into(),
     }
 }
@@ -321,6 +385,33 @@ fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
 
 fn read_profile(path: &Path) -> anyhow::Result<Profile> {
     Profile::read(path).with_context(|| format!("--profile {}", path.display()))
+}
+
+/// Writes the photos and the list of their views for other programs.
+fn list_views(global: &Global, args: &Args, folder: &Path) -> anyhow::Result<()> {
+    if matches!(args.protocol, Some(ProtocolName::Insertion)) {
+        return Err(Usage("--write-views: the protocol insertion scores objects, no panoramas".into()).into());
+    }
+    let list = folder.join(VIEWS_FILE);
+    if list.exists() && !args.force {
+        return Err(Usage(format!(
+            "{} exists, and panoramas beside it may belong to it; choose another folder, or replace it with --force",
+            list.display()
+        ))
+        .into());
+    }
+    output::check_folder(folder, VIEWS_FILE, COMMAND, args.force)?;
+    let (dataset, indices) = photos(global, args, args.split)?.open().map_err(usage)?;
+    let mut bar = StageBar::new(global.quiet);
+    let mut on_event = |event| bar.handle(event);
+    let written = write_views(dataset.as_ref(), &indices, folder, &output::signature(COMMAND), &mut on_event);
+    drop(bar);
+    let photos = written.map_err(|error| match error {
+        EvalError::Cancelled(_) => anyhow::anyhow!("stopped; {} was not written", list.display()),
+        error => error.into(),
+    })?;
+    report::print(&format!("{}  {photos} photos", list.display()));
+    Ok(())
 }
 
 fn make_profile(global: &Global, args: &Args, path: &Path) -> anyhow::Result<()> {

@@ -111,6 +111,59 @@ fn panoramas_and_published_protocols() {
     assert!(message.contains("none of the 4 photos is in the selected part; see --split"), "{message}");
 }
 
+/// The program's own panoramas, written and scored as another program's, have the same figures to the digit.
+#[test]
+fn panoramas_of_other_programs_are_scored_like_ours() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    rooms(at, "2", SMALL);
+    write_weights(at);
+    let common = ["eval", "rooms", "--split", "all", "--weights", "weights.safetensors", "--octree-depth", "6"];
+    let run = |more: &[&str]| done(at, &[&common[..], more].concat());
+    run(&["--methods", "mirrored,network,shell-true", "--walks", "0", "--panoramas", "kept", "-o", "one"]);
+    let externals = ["--external", "theirs=kept/network", "--external", "flat=kept/mirrored"];
+    run(&[&["--methods", "network", "--walks", "0", "-o", "two"][..], &externals].concat());
+    let read = |file: &str| std::fs::read_to_string(at.join(file)).unwrap();
+    let figures = |file: &str, method: &str| -> Vec<std::collections::BTreeMap<String, String>> {
+        let text = read(file);
+        let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let head = lines.next().unwrap();
+        let rows = lines.filter(|row| row[2] == method);
+        rows.map(|row| head.iter().cloned().zip(row).skip(4).collect()).collect()
+    };
+    for (method, name) in [("network", "theirs"), ("mirrored", "flat")] {
+        let (ours, theirs) = (figures("one/scenes.csv", method), figures("two/scenes.csv", name));
+        assert_eq!((ours.len(), theirs.len()), (2, 2));
+        for (ours, theirs) in ours.iter().zip(&theirs) {
+            let scored: Vec<_> = theirs.iter().filter(|(_, value)| !value.is_empty()).collect();
+            assert!(scored.len() > 30, "{scored:?}");
+            for (figure, value) in scored {
+                assert_eq!(ours.get(figure), Some(value), "{name}, {figure}");
+            }
+        }
+    }
+    assert!(!read("two/costs.csv").contains("theirs") && read("two/summary.md").contains("| theirs | 2 |"));
+
+    // A folder for other programs: nothing is there to score yet.
+    assert!(done(at, &["eval", "rooms", "--split", "all", "--write-views", "views"]).contains("views.json  2 photos"));
+    let message = refused(at, 2, &["eval", "rooms", "--split", "all", "--write-views", "views"]);
+    assert!(message.contains("panoramas beside it may belong to it"), "{message}");
+    run(&["--methods", "mean-colour", "--external", "none=views", "-o", "three"]);
+    assert!(read("three/summary.md").contains("none: not possible on 2 photos: needs a panorama of each view"));
+    // Panoramas of other photos are not scored in silence.
+    done(at, &["synth", "--scenes", "1", "--config", "config.toml", "--seed", "5", "-o", "others"]);
+    let message = refused(at, 2, &["eval", "others", "--split", "all", "--external", "theirs=kept/network", "-o", "four"]);
+    assert!(message.contains("is not listed; the list was written with other options"), "{message}");
+    for (option, expected) in [
+        ("network=kept/network", "network is a method of this program"),
+        ("a|b=kept/network", "letters, digits"),
+        ("kept/network", "expected NAME=DIR"),
+    ] {
+        let message = refused(at, 2, &[&common[..], &["--external", option, "-o", "five"]].concat());
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
 #[test]
 fn what_is_missing_is_named() {
     let folder = tempfile::tempdir().unwrap();

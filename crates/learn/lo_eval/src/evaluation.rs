@@ -6,13 +6,15 @@ use std::time::Instant;
 use lo_dataset::{
     CropModel, Dataset, DatasetError, DatasetLayout, InteriorNet, Sample, Split, evenly_spread, indices_of,
 };
-use lo_events::{OnEvent, Steps};
+use lo_events::{Cancelled, OnEvent, Steps};
+use lo_imaging::RadianceImage;
 
+use crate::external::ViewWriter;
 use crate::prior::TWO_PANORAMAS_APART;
 use crate::stages;
 use crate::{
-    Cost, KnownPanorama, Method, MethodError, MethodOutput, Outcome, Protocol, ProtocolCrops, ProtocolRenders, Report,
-    Scorer, Sheet, Summary, Tools, memory, walk,
+    Cost, External, ExternalError, KnownPanorama, Method, MethodError, MethodOutput, Outcome, Protocol, ProtocolCrops,
+    ProtocolRenders, Report, Scorer, Sheet, Summary, Tools, memory, walk,
 };
 
 /// Selects photos of a dataset.
@@ -37,12 +39,18 @@ pub struct PhotoSelection {
     pub most: Option<usize>,
 }
 
-/// Errors of opening an evaluation.
+/// Errors of an evaluation.
 #[derive(Debug, thiserror::Error)]
 pub enum EvalError {
-    /// The dataset or its first sample cannot be read.
+    /// The dataset or a sample cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// Panoramas of other programs cannot be read, or panoramas cannot be written.
+    #[error(transparent)]
+    External(#[from] ExternalError),
+    /// The event handler cancelled the writing of photos.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// Lighthouse's choices are asked for of another dataset.
     #[error("{}: InteriorNet or Lighthouse's test set is needed, but the layout is {layout}", dataset.display())]
     NotInteriorNet {
@@ -98,6 +106,9 @@ pub struct Evaluation<'a> {
     indices: Vec<usize>,
     protocol: Option<Protocol>,
     methods: Vec<Method>,
+    externals: Vec<External>,
+    /// Folder of the methods' panoramas, and the name of the writing program.
+    panoramas: Option<(PathBuf, String)>,
     tools: Tools<'a>,
 }
 
@@ -115,58 +126,126 @@ impl<'a> Evaluation<'a> {
         } else {
             methods.to_vec()
         };
-        Ok(Self { dataset, indices, protocol: photos.protocol, methods, tools })
+        let (protocol, externals) = (photos.protocol, Vec::new());
+        Ok(Self { dataset, indices, protocol, methods, externals, panoramas: None, tools })
+    }
+
+    /// Scores panoramas of other programs, too.
+    ///
+    /// # Errors
+    /// An unreadable first photo, or one that a program's list does not have.
+    pub fn with_externals(mut self, externals: Vec<External>) -> Result<Self, EvalError> {
+        if !externals.is_empty() {
+            let first = self.dataset.get(self.indices[0])?;
+            externals.iter().try_for_each(|external| external.entry(&first).map(drop))?;
+        }
+        self.externals = externals;
+        Ok(self)
+    }
+
+    /// Returns the methods.
+    pub fn methods(&self) -> &[Method] {
+        &self.methods
+    }
+
+    /// Writes each method's panoramas into a folder of its name in `folder`, in the form that [`External::open`] reads.
+    /// The files store `generator`, the name of the writing program.
+    pub fn keeping_panoramas(mut self, folder: PathBuf, generator: String) -> Self {
+        self.panoramas = Some((folder, generator));
+        self
     }
 
     /// Evaluates all photos.
     ///
     /// A probe moves along a path in `walks` rooms, and `rows` photos are on the contact sheet, both evenly spread. If
-    /// the handler cancels or a photo cannot be read, the report holds the figures so far and the reason.
+    /// the handler cancels or a file cannot be read or written, the report holds the figures so far and the error.
     pub fn run(&self, rows: usize, walks: usize, on_event: OnEvent<'_>) -> Report {
         let count = self.indices.len();
         let scorer = Scorer::new(self.protocol.map(ProtocolRenders::new));
         let [rows, walks] = [rows, walks].map(|most| evenly_spread(count, most).collect::<Vec<usize>>());
-        let (mut summary, mut sheet) = (Summary::default(), Sheet::default());
-        let (mut done, mut unreadable) = (0, None);
+        let names = self.methods.iter().map(|method| method.name());
+        let methods = names.chain(self.externals.iter().map(External::name)).map(str::to_owned).collect();
+        let (summary, sheet) = (Summary::default(), Sheet::default());
+        let mut report = Report { methods, summary, sheet, photos: 0, asked: count, error: None };
         let mut steps = Steps::begin(on_event, stages::EVALUATE_PHOTOS, count);
-        for (position, &index) in self.indices.iter().enumerate() {
-            if steps.cancelled() {
-                break;
-            }
-            let sample = match self.dataset.get(index) {
-                Ok(sample) => sample,
-                Err(error) => {
-                    unreadable = Some(error);
+        let result = self.writers().and_then(|mut writers| {
+            let mut evaluated = Ok(());
+            for position in 0..count {
+                if steps.cancelled() {
                     break;
                 }
-            };
-            let (sample, known) = self.known_panorama(sample);
-            let foreign = self.foreign_panorama(position, &sample);
-            let mut shown = Vec::new();
-            for &method in &self.methods {
-                let tools = Tools {
-                    known: known.as_ref().and_then(|known| known.as_ref().ok()),
-                    foreign: foreign.as_ref(),
-                    ..self.tools
+                let row = match self.photo(position, &scorer, walks.contains(&position), &mut writers) {
+                    Ok(row) => row,
+                    Err(error) => {
+                        evaluated = Err(error);
+                        break;
+                    }
                 };
-                let reason = known.as_ref().and_then(|known| known.as_ref().err());
-                let estimate = |sample: &Sample| match reason {
-                    Some(reason) => Err(MethodError::Needs(reason)),
-                    None => method.estimate(sample, &tools),
-                };
-                let (outcome, panorama) = outcome(&scorer, &sample, method, estimate, walks.contains(&position));
-                summary.add(outcome);
-                shown.push(panorama);
+                if rows.contains(&position) {
+                    report.sheet.add(&row.sample, &row.shown);
+                }
+                row.outcomes.into_iter().for_each(|outcome| report.summary.add(outcome));
+                report.photos += 1;
+                steps.step();
             }
-            if rows.contains(&position) {
-                sheet.add(&sample, &shown);
-            }
-            done += 1;
-            steps.step();
-        }
+            writers.into_iter().try_for_each(|writer| writer.finish().map(drop))?;
+            evaluated
+        });
+        report.error = result.err();
         steps.end();
-        let methods = self.methods.iter().map(|method| method.name()).collect();
-        Report { methods, summary, sheet, photos: done, asked: count, unreadable }
+        report
+    }
+
+    /// Creates a writer of panoramas for each method, if they are kept.
+    fn writers(&self) -> Result<Vec<ViewWriter>, EvalError> {
+        let Some((folder, generator)) = &self.panoramas else { return Ok(Vec::new()) };
+        let writers = self.methods.iter().map(|method| ViewWriter::create(&folder.join(method.name()), generator));
+        Ok(writers.collect::<Result<_, _>>()?)
+    }
+
+    /// Runs all methods on a photo.
+    fn photo(
+        &self,
+        position: usize,
+        scorer: &Scorer,
+        walks: bool,
+        writers: &mut [ViewWriter],
+    ) -> Result<PhotoRow, EvalError> {
+        let (sample, known) = self.known_panorama(self.dataset.get(self.indices[position])?);
+        let foreign = self.foreign_panorama(position, &sample);
+        let (mut outcomes, mut shown) = (Vec::new(), Vec::new());
+        for (index, &method) in self.methods.iter().enumerate() {
+            let tools = Tools {
+                known: known.as_ref().and_then(|known| known.as_ref().ok()),
+                foreign: foreign.as_ref(),
+                ..self.tools
+            };
+            let reason = known.as_ref().and_then(|known| known.as_ref().err());
+            let estimate = |sample: &Sample| match reason {
+                Some(reason) => Err(MethodError::Needs(reason)),
+                None => method.estimate(sample, &tools),
+            };
+            let (outcome, panoramas) = outcome(scorer, &sample, method, estimate, walks);
+            if let Some(writer) = writers.get_mut(index) {
+                writer.add_panoramas(&sample, &panoramas)?;
+            }
+            outcomes.push(outcome);
+            shown.push(panoramas.into_iter().next());
+        }
+        for external in &self.externals {
+            let panoramas = external.panoramas(&sample)?;
+            let scores = panoramas.as_ref().map(|panoramas| scorer.score_panoramas(&sample, panoramas));
+            outcomes.push(Outcome {
+                sample: sample.id.clone(),
+                scene: sample.scene_id.clone(),
+                method: external.name().to_owned(),
+                condition: None,
+                scores: scores.ok_or(MethodError::Needs(PANORAMAS)),
+                cost: None,
+            });
+            shown.push(panoramas.and_then(|panoramas| panoramas.into_iter().next()));
+        }
+        Ok(PhotoRow { sample, outcomes, shown })
     }
 
     /// Takes the known panorama out of the sample, if any method uses one.
@@ -197,19 +276,30 @@ impl<'a> Evaluation<'a> {
     }
 }
 
-/// Runs a method on a photo and returns its outcome and its first panorama.
+/// Results of all methods on a photo.
+struct PhotoRow {
+    sample: Sample,
+    outcomes: Vec<Outcome>,
+    /// The first panorama of each method.
+    shown: Vec<Option<RadianceImage>>,
+}
+
+/// What the panoramas of another program may lack.
+const PANORAMAS: &str = "a panorama of each view, or one of the photo";
+
+/// Runs a method on a photo and returns its outcome and its panoramas.
 fn outcome(
     scorer: &Scorer,
     sample: &Sample,
     method: Method,
     estimate: impl Fn(&Sample) -> Result<MethodOutput, MethodError>,
     walks: bool,
-) -> (Outcome, Option<lo_imaging::RadianceImage>) {
+) -> (Outcome, Vec<RadianceImage>) {
     memory::reset_peak();
     let begun = Instant::now();
     let estimate = estimate(sample);
     let mut cost = Cost { estimate_s: begun.elapsed().as_secs_f64(), ..Cost::default() };
-    let mut shown = None;
+    let mut kept = Vec::new();
     let scores = estimate.map(|estimate| {
         let begun = Instant::now();
         let panoramas = Scorer::panoramas(sample, &estimate);
@@ -220,9 +310,9 @@ fn outcome(
             scores.add("walk_step_ratio", found.largest_step_ratio);
             scores.add("walk_parallax_px", found.parallax_px);
         }
-        shown = panoramas.into_iter().next();
+        kept = panoramas;
         scores
     });
-    let (id, scene) = (sample.id.clone(), sample.scene_id.clone());
-    (Outcome { sample: id, scene, method: method.name(), condition: None, scores, cost }, shown)
+    let (id, scene, method) = (sample.id.clone(), sample.scene_id.clone(), method.name().to_owned());
+    (Outcome { sample: id, scene, method, condition: None, scores, cost: Some(cost) }, kept)
 }

@@ -5,6 +5,7 @@
 mod baseline;
 mod coherence;
 mod evaluation;
+mod external;
 mod insertion;
 pub mod memory;
 mod method;
@@ -25,6 +26,7 @@ mod walk;
 
 pub use coherence::coherence;
 pub use evaluation::{EvalError, Evaluation, PhotoSelection};
+pub use external::{External, ExternalError, ListedPhoto, ListedView, VIEWS_FILE, ViewList, write_views};
 pub use insertion::{InsertionEvaluation, InsertionMethod, LampMode};
 pub use method::{DepthInput, EstimatedLight, Method, MethodOutput, PriorPanorama, Tools, Tracer};
 pub use method_error::MethodError;

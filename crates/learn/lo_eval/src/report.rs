@@ -1,14 +1,12 @@
 //! Results of an evaluation, as data and tables.
 
-use lo_dataset::DatasetError;
-
-use crate::{Cost, Sheet, Summary};
+use crate::{Cost, EvalError, Sheet, Summary};
 
 /// Results of an evaluation.
 #[derive(Debug)]
 pub struct Report {
-    /// Names of the methods, in the order of the sheet's columns.
-    pub methods: Vec<&'static str>,
+    /// Names of the methods and other programs, in the order of the sheet's columns.
+    pub methods: Vec<String>,
     /// All outcomes.
     pub summary: Summary,
     /// Contact sheet.
@@ -17,8 +15,8 @@ pub struct Report {
     pub photos: usize,
     /// Number of photos requested.
     pub asked: usize,
-    /// Read error that ended the evaluation.
-    pub unreadable: Option<DatasetError>,
+    /// The error that ended the evaluation.
+    pub error: Option<EvalError>,
 }
 
 impl Report {
@@ -39,7 +37,7 @@ impl Report {
                 Err(reason) => (None, reason.to_string()),
             };
             let value = |figure: &String| scores.and_then(|scores| scores.get(figure)).map(|v| format!("{v:.6}"));
-            let start = [outcome.scene.clone(), outcome.sample.clone(), outcome.method.to_owned(), reason];
+            let start = [outcome.scene.clone(), outcome.sample.clone(), outcome.method.clone(), reason];
             text +=
                 &csv_record(start.into_iter().chain(figures.iter().map(|figure| value(figure).unwrap_or_default())));
         }
@@ -50,10 +48,10 @@ impl Report {
     pub fn costs_csv(&self) -> String {
         let mut text = csv_record(["photo", "method", "estimate_s", "panorama_s", "peak_mib"].map(str::to_owned));
         for outcome in self.summary.outcomes().iter().filter(|outcome| outcome.scores.is_ok()) {
-            let Cost { estimate_s, panorama_s, peak_mib } = outcome.cost;
+            let Some(Cost { estimate_s, panorama_s, peak_mib }) = outcome.cost else { continue };
             let peak = peak_mib.map_or_else(String::new, |mib| format!("{mib:.1}"));
             let numbers = [format!("{estimate_s:.6}"), format!("{panorama_s:.6}"), peak];
-            text += &csv_record([outcome.sample.clone(), outcome.method.to_owned()].into_iter().chain(numbers));
+            text += &csv_record([outcome.sample.clone(), outcome.method.clone()].into_iter().chain(numbers));
         }
         text
     }
@@ -76,20 +74,20 @@ mod tests {
     fn tables_hold_every_outcome() {
         let scores = Scores::from_iter([("psnr_db".to_owned(), 12.5)]);
         let cost = Cost { estimate_s: 1.5, panorama_s: 0.25, peak_mib: Some(99.04) };
-        let outcome = |method, scores| Outcome {
+        let outcome = |method: &str, scores| Outcome {
             sample: "a \"small\" room, 1".into(),
             scene: "a".into(),
-            method,
+            method: method.to_owned(),
             condition: None,
             scores,
-            cost,
+            cost: Some(cost),
         };
         let mut summary = Summary::default();
         summary.add(outcome("network", Ok(scores)));
         summary.add(outcome("shell-true", Err(MethodError::Needs("true depth"))));
         let sheet = Sheet::default();
-        let methods = vec![Method::Network(None).name()];
-        let report = Report { methods, summary, sheet, photos: 1, asked: 2, unreadable: None };
+        let methods = vec![Method::Network(None).name().to_owned()];
+        let report = Report { methods, summary, sheet, photos: 1, asked: 2, error: None };
         let name = "\"a \"\"small\"\" room, 1\"";
         assert_eq!(
             report.scenes_csv(),

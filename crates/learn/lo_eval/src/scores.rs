@@ -83,10 +83,17 @@ impl Scorer {
         sample.views.iter().map(|view| estimate.panorama(view)).collect()
     }
 
-    /// Scores an estimate by its [`panoramas`](Self::panoramas): means over the sample's views.
+    /// Scores an estimate by its [`panoramas`](Self::panoramas) and by its depth, up vector and octree.
+    pub fn score(&self, sample: &Sample, estimate: &MethodOutput, panoramas: &[RadianceImage]) -> Scores {
+        let mut scores = self.score_panoramas(sample, panoramas);
+        scene(&mut scores, sample, estimate);
+        scores
+    }
+
+    /// Scores panoramas of the sample's views, of the same sizes: means over the views.
     ///
     /// True panoramas that are clipped at white give only figures of what a screen shows.
-    pub fn score(&self, sample: &Sample, estimate: &MethodOutput, panoramas: &[RadianceImage]) -> Scores {
+    pub fn score_panoramas(&self, sample: &Sample, panoramas: &[RadianceImage]) -> Scores {
         let views: Vec<Scores> = sample
             .views
             .iter()
@@ -118,7 +125,6 @@ impl Scorer {
         if !sample.has_clipped_panoramas() {
             scores.add("coherence", coherence(sample.views.iter().zip(panoramas)));
         }
-        scene(&mut scores, sample, estimate);
         scores
     }
 }

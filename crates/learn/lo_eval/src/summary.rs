@@ -15,14 +15,14 @@ pub struct Outcome {
     pub sample: String,
     /// Identifier of its scene.
     pub scene: String,
-    /// Name of the method.
-    pub method: &'static str,
+    /// Name of the method, or of another program.
+    pub method: String,
     /// Lighting condition; each condition gets its own tables.
     pub condition: Option<&'static str>,
     /// Figures, or the reason for having none.
     pub scores: Result<Scores, MethodError>,
-    /// Measured time and memory; not reproducible.
-    pub cost: Cost,
+    /// Measured time and memory; not reproducible. `None` for other programs.
+    pub cost: Option<Cost>,
 }
 
 /// Time and memory of a method on a sample.
@@ -44,14 +44,14 @@ pub struct Summary {
 
 /// Results of one method: its row of the tables.
 struct MethodRow<'a> {
-    method: &'static str,
+    method: &'a str,
     samples: usize,
     failures: BTreeMap<String, usize>,
     /// Scene → mean of its samples.
     scenes: Vec<(&'a str, Scores)>,
     /// Mean over the scenes.
     mean: Scores,
-    cost: Cost,
+    cost: Option<Cost>,
 }
 
 /// Title of a table, and its columns: figure, heading, digits.
@@ -299,14 +299,14 @@ impl Summary {
     pub fn cost_markdown(&self) -> String {
         let mut text = String::new();
         let head = ["method", "photo → light, s", "panorama, ms", "peak memory, MiB"].map(str::to_owned);
-        let rows = self.rows(None).into_iter().filter(|row| row.samples > 0).map(|row| {
-            let Cost { estimate_s, panorama_s, peak_mib } = row.cost;
-            vec![
+        let rows = self.rows(None).into_iter().filter_map(|row| {
+            let Cost { estimate_s, panorama_s, peak_mib } = row.cost?;
+            Some(vec![
                 row.method.to_owned(),
                 number(Some(estimate_s), 3),
                 number(Some(1e3 * panorama_s), 1),
                 number(peak_mib, 0),
-            ]
+            ])
         });
         table(&mut text, "Cost (medians; memory: maximum)", &head, rows);
         text
@@ -341,16 +341,16 @@ impl Summary {
 
     /// Returns the rows of all methods, over outcomes of one condition or of all.
     fn rows(&self, condition: Option<&str>) -> Vec<MethodRow<'_>> {
-        let mut methods: Vec<&'static str> = Vec::new();
+        let mut methods: Vec<&str> = Vec::new();
         for outcome in &self.outcomes {
-            if !methods.contains(&outcome.method) {
-                methods.push(outcome.method);
+            if !methods.contains(&&outcome.method[..]) {
+                methods.push(&outcome.method);
             }
         }
         methods.into_iter().map(|method| self.row(method, condition)).collect()
     }
 
-    fn row(&self, method: &'static str, condition: Option<&str>) -> MethodRow<'_> {
+    fn row<'a>(&'a self, method: &'a str, condition: Option<&str>) -> MethodRow<'a> {
         let asked = |outcome: &&Outcome| condition.is_none_or(|condition| outcome.condition == Some(condition));
         let own = || self.outcomes.iter().filter(|outcome| outcome.method == method).filter(asked);
         let mut failures = BTreeMap::new();
@@ -369,12 +369,11 @@ impl Summary {
         let mut mean = Scores::mean(scenes.iter().map(|(_, scores)| scores));
         scenes.iter_mut().for_each(|(_, scores)| add_ratios(scores));
         add_ratios(&mut mean);
-        let costs = || own().filter(|outcome| outcome.scores.is_ok()).map(|outcome| outcome.cost);
-        let cost = Cost {
-            estimate_s: median(costs().map(|cost| cost.estimate_s).collect()).unwrap_or(0.0),
-            panorama_s: median(costs().map(|cost| cost.panorama_s).collect()).unwrap_or(0.0),
-            peak_mib: costs().filter_map(|cost| cost.peak_mib).max_by(f64::total_cmp),
-        };
+        let costs = || own().filter(|outcome| outcome.scores.is_ok()).filter_map(|outcome| outcome.cost);
+        let median_of = |seconds: fn(Cost) -> f64| median(costs().map(seconds).collect());
+        let seconds = median_of(|cost| cost.estimate_s).zip(median_of(|cost| cost.panorama_s));
+        let peak_mib = costs().filter_map(|cost| cost.peak_mib).max_by(f64::total_cmp);
+        let cost = seconds.map(|(estimate_s, panorama_s)| Cost { estimate_s, panorama_s, peak_mib });
         MethodRow { method, samples, failures, scenes, mean, cost }
     }
 }
@@ -463,10 +462,10 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    fn outcome(scene: &str, number: usize, method: &'static str, psnr_db: f64) -> Outcome {
-        let scores = Scores::from_iter([("psnr_db".to_owned(), psnr_db)]);
-        let sample = format!("{scene}-{number}");
-        Outcome { sample, scene: scene.to_owned(), method, condition: None, scores: Ok(scores), cost: Cost::default() }
+    fn outcome(scene: &str, number: usize, method: &str, psnr_db: f64) -> Outcome {
+        let scores = Ok(Scores::from_iter([("psnr_db".to_owned(), psnr_db)]));
+        let (sample, scene, method) = (format!("{scene}-{number}"), scene.to_owned(), method.to_owned());
+        Outcome { sample, scene, method, condition: None, scores, cost: Some(Cost::default()) }
     }
 
     #[test]

@@ -102,13 +102,13 @@ impl<'a> InsertionEvaluation<'a> {
     pub fn run(&self, rows: usize, on_event: OnEvent<'_>) -> Report {
         let rows: Vec<usize> = evenly_spread(self.rooms, rows).collect();
         let (mut summary, mut sheet) = (Summary::default(), Sheet::default());
-        let (mut done, mut unreadable, mut index) = (0, None, 0);
+        let (mut done, mut failure, mut index) = (0, None, 0);
         let mut steps = Steps::begin(on_event, stages::EVALUATE_PHOTOS, self.rooms);
         while done < self.rooms && index < MAX_ROOMS_PER_REQUESTED * self.rooms as u64 && !steps.cancelled() {
             let room = match self.room(index) {
                 Ok(room) => room,
                 Err(error) => {
-                    unreadable = Some(error);
+                    failure = Some(error.into());
                     break;
                 }
             };
@@ -136,8 +136,8 @@ impl<'a> InsertionEvaluation<'a> {
             steps.step();
         }
         steps.end();
-        let methods = self.methods.iter().map(|method| method.name()).collect();
-        Report { methods, summary, sheet, photos: done, asked: self.rooms, unreadable }
+        let methods = self.methods.iter().map(|method| method.name().to_owned()).collect();
+        Report { methods, summary, sheet, photos: done, asked: self.rooms, error: failure }
     }
 
     /// Generates room `index`; `None` if it has no footprint.
@@ -196,10 +196,10 @@ impl<'a> InsertionEvaluation<'a> {
         let outcome = |number: usize, scores, cost| Outcome {
             sample: format!("{}-{number}", room.sample.id),
             scene: room.sample.scene_id.clone(),
-            method: method.name(),
+            method: method.name().to_owned(),
             condition: Some(room.condition),
             scores,
-            cost,
+            cost: Some(cost),
         };
         let insertion = |error: &dyn std::error::Error| MethodError::Insertion(error.to_string());
         let estimate = estimated.estimate.as_ref().map_err(|reason| MethodError::Insertion(reason.clone()));

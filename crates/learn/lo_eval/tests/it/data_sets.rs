@@ -21,7 +21,7 @@ fn evaluate(dataset: &Path, as_lighthouse: bool) -> Vec<Option<Scores>> {
     let dataset = dataset.to_owned();
     let photos = PhotoSelection { dataset, layout, protocol, as_lighthouse, crops, plans, part, most: Some(2) };
     let report = Evaluation::open(&photos, &METHODS, tools).unwrap().run(1, 1, &mut lo_events::ignore);
-    assert!(report.unreadable.is_none() && report.photos > 0, "{:?}", report.unreadable);
+    assert!(report.error.is_none() && report.photos > 0, "{:?}", report.error);
     let of_method = |method: &Method| {
         let outcomes = report.summary.outcomes().iter().filter(|outcome| outcome.method == method.name());
         let scores: Vec<&Scores> = outcomes.filter_map(|outcome| outcome.scores.as_ref().ok()).collect();
