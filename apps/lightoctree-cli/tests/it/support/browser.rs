@@ -30,6 +30,8 @@ pub struct Browser {
     socket: WebSocket<TcpStream>,
     session: String,
     calls: u64,
+    /// Whether the left mouse button is pressed.
+    is_pressed: bool,
     /// Exceptions and errors of the page.
     pub faults: Vec<String>,
     _profile: TempDir,
@@ -74,7 +76,7 @@ impl Browser {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let (socket, _) = tungstenite::client(format!("ws://127.0.0.1:{port}{path}"), stream).unwrap();
         let (session, faults) = (String::new(), Vec::new());
-        let mut browser = Self { child, socket, session, calls: 0, faults, _profile: profile };
+        let mut browser = Self { child, socket, session, calls: 0, is_pressed: false, faults, _profile: profile };
         let target = browser.call("Target.createTarget", json!({ "url": "about:blank" }))["targetId"].clone();
         let attached = browser.call("Target.attachToTarget", json!({ "targetId": target, "flatten": true }));
         browser.session = attached["sessionId"].as_str().unwrap().to_owned();
@@ -149,10 +151,17 @@ impl Browser {
         }
     }
 
-    /// Sends a mouse event: `mouseMoved`, `mousePressed` or `mouseReleased`.
+    /// Sends a mouse event: `mouseMoved`, `mousePressed` or `mouseReleased`, of the left button.
     pub fn mouse(&mut self, kind: &str, [x, y]: [f64; 2]) {
-        let button = if kind == "mouseMoved" { "none" } else { "left" };
-        let buttons = i32::from(kind != "mouseReleased");
+        let was_pressed = self.is_pressed;
+        self.is_pressed = match kind {
+            "mousePressed" => true,
+            "mouseReleased" => false,
+            _ => was_pressed,
+        };
+        // A movement without a button ends the pointer's capture, and with it a drag, in Chromium.
+        let button = if was_pressed || self.is_pressed { "left" } else { "none" };
+        let buttons = i32::from(self.is_pressed);
         let params = json!({ "type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1 });
         self.call("Input.dispatchMouseEvent", params);
     }

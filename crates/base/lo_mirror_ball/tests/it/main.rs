@@ -250,6 +250,8 @@ fn invalid_circles_and_sizes_never_panic() {
 }
 
 /// Prints confidence and accuracy with and without a ball: the basis of [`BallDetection::MIN_CONFIDENCE`].
+///
+/// No photo without a ball may reach that confidence, and every ball that reaches it must be right.
 #[test]
 #[ignore = "surveys data beside the checkout: cargo test -p lo_mirror_ball --test it survey -- --ignored --nocapture"]
 fn survey() {
@@ -257,6 +259,8 @@ fn survey() {
     let mut panoramas: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
     panoramas.retain(|path| path.extension().is_some_and(|end| end == "hdr" || end == "exr"));
     panoramas.sort();
+    let is_confident = |found: &BallDetection| found.confidence >= BallDetection::MIN_CONFIDENCE;
+    let mut confident = 0;
     for (index, path) in panoramas.iter().enumerate() {
         let map = read_radiance(path).unwrap();
         let mut all: Vec<f32> = map.pixels().iter().map(|rgb| rgb[1]).collect();
@@ -285,7 +289,13 @@ fn survey() {
             none.map(|found| found.view.circle().radius_px),
             path.file_name().unwrap().display()
         );
+        assert!(!none.is_some_and(|found| is_confident(&found)), "{}", path.display());
+        if found.is_some_and(|found| is_confident(&found)) {
+            assert!(off.is_some_and(|off| off < 1.0), "{}: {off:?}", path.display());
+            confident += 1;
+        }
     }
+    assert!(confident >= 3, "{confident} of {} balls are found", panoramas.len());
     for folder in ["photos_more", "rgbd", "rgbd_more"] {
         let Some(folder) = lo_testdata::shared_data(folder, "photos without a ball") else { return };
         let mut photos: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -299,6 +309,7 @@ fn survey() {
             let photo = resize(&photo, width, photo.height() * width / photo.width());
             let none = find_ball(&photo, BallLens::Orthographic).unwrap();
             println!("without a ball {:.2?}  {}", none.map(|f| f.confidence), path.file_name().unwrap().display());
+            assert!(!none.is_some_and(|found| is_confident(&found)), "{}", path.display());
         }
     }
 }
