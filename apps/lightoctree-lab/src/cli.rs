@@ -31,6 +31,8 @@ pub enum Command {
     Weights(commands::weights::Args),
     /// Evaluate methods and baselines on a dataset
     Eval(commands::eval::Args),
+    /// Make a user study of inserted objects, or evaluate its answers
+    Study(commands::study::Args),
     /// Benchmark this program on the input of the peers' kit
     Bench(commands::bench::Args),
     /// Print a shell completion script

@@ -28,6 +28,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Train(args) => commands::train::run(global, args),
         Command::Weights(args) => commands::weights::run(args),
         Command::Eval(args) => commands::eval::run(global, args),
+        Command::Study(args) => commands::study::run(global, args),
         Command::Bench(args) => commands::bench::run(global, args),
         Command::Completions(args) => lightoctree_cli::commands::completions::run(args, &mut Cli::command()),
     }

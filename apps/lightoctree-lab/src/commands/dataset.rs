@@ -63,6 +63,8 @@ pub(super) enum LayoutName {
     Shards,
     /// FutureHouse (Li et al. 2022)
     Futurehouse,
+    /// Hypersim (Roberts et al. 2021), with metadata_camera_parameters.csv beside the scenes
+    Hypersim,
     /// InteriorNet (Li et al. 2018)
     Interiornet,
     /// InteriorVerse (Zhu et al. 2022)
@@ -82,6 +84,7 @@ impl From<LayoutName> for DatasetLayout {
         match name {
             LayoutName::Shards => Self::Shards,
             LayoutName::Futurehouse => Self::FutureHouse,
+            LayoutName::Hypersim => Self::Hypersim,
             LayoutName::Interiornet => Self::InteriorNet,
             LayoutName::Interiorverse => Self::InteriorVerse,
             LayoutName::Lighthouse => Self::Lighthouse,
@@ -261,7 +264,7 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
     progress.finish_and_clear();
     let found = summary.report();
     if args.json {
-        let head = json!({ "layout": layout.name(), "samples_in_all": dataset.len(), "summary": found });
+        let head = json!({ "layout": layout.name(), "samples_in_all": dataset.len(), "left_out": dataset.left_out(), "summary": found });
         report::print_json(&head)?;
     } else {
         report::print(&text(layout, &dataset, &found));
@@ -303,9 +306,13 @@ fn text(layout: DatasetLayout, dataset: &Arc<dyn Dataset>, found: &SummaryReport
             std::iter::once(figure.name.to_owned()).chain(numbers).collect()
         })
         .collect();
+    let left_out = match dataset.left_out() {
+        0 => String::new(),
+        count => format!("; {count} more are excluded by their authors or cannot be represented"),
+    };
     [
         format!(
-            "{}: {} samples, {} inspected, with {} panoramas and {} surface points",
+            "{}: {} samples, {} inspected, with {} panoramas and {} surface points{left_out}",
             layout.name(),
             dataset.len(),
             found.samples,

@@ -16,7 +16,7 @@ use lightoctree_cli::{output, report};
 use lo_dataset::{CropModel, Generator, GeneratorConfig};
 use lo_eval::{
     EvalError, Evaluation, External, InsertionEvaluation, InsertionMethod, Method, PhotoSelection, Profile,
-    ProfileError, Protocol, Report, Tools, VIEWS_FILE, write_views,
+    ProfileError, Protocol, Report, Tools, VIEWS_FILE,
 };
 use lo_imaging as imaging;
 use lo_insert::Quality;
@@ -41,7 +41,8 @@ use crate::stage_bar::StageBar;
     summary.json  means, medians and quartiles of each method\n  \
     scenes.csv    figures of each photo and method\n  \
     costs.csv     time and memory of each photo and method\n  \
-    sheet.png     photos with true and estimated panoramas\n\n\
+    sheet.png     photos with true and estimated panoramas\n  \
+    objects.png   photos with objects in true and estimated light, with --objects\n\n\
     docs/evaluation.md explains the figures.")]
 pub struct Args {
     /// Dataset folder or a single shard; for the protocol insertion, a configuration of rooms as for `synth --config`
@@ -124,6 +125,11 @@ pub struct Args {
     /// Also write each method's panoramas into DIR/METHOD, in the form that --external reads
     #[arg(long, value_name = "DIR")]
     panoramas: Option<PathBuf>,
+
+    /// Also insert three spheres into each photo, lit by each method's first panorama, and compare them with those lit
+    /// by the true one; writes objects.png
+    #[arg(long)]
+    objects: bool,
 
     /// Octree depth; networks use at least their own depth
     #[arg(long, value_name = "D", default_value_t = 7, value_parser = clap::value_parser!(u32).range(5..=9))]
@@ -264,6 +270,10 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         let externals = externals(args)?;
         let evaluation = Evaluation::open(&photos(global, args, args.split)?, &methods, tools).map_err(usage)?;
         let mut evaluation = evaluation.with_externals(externals).map_err(usage)?;
+        if args.objects {
+            check_objects(&tools)?;
+            evaluation = evaluation.with_objects(Quality::Normal)?;
+        }
         output::prepare_folder(folder, MANIFEST, COMMAND, args.force)?;
         if let Some(panoramas) = &args.panoramas {
             for method in evaluation.methods() {
@@ -307,6 +317,14 @@ fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<Photo
     })
 }
 
+/// Checks that objects can be placed.
+fn check_objects(tools: &Tools) -> Result<(), Usage> {
+    match tools.estimator.networks() {
+        Some(_) => Ok(()),
+        None => Err(Usage("--objects requires --weights FILE, to estimate the rooms that they stand in".into())),
+    }
+}
+
 /// Opens the folders of `--external`.
 fn externals(args: &Args) -> anyhow::Result<Vec<External>> {
     let mut externals: Vec<External> = Vec::new();
@@ -322,8 +340,9 @@ fn externals(args: &Args) -> anyhow::Result<Vec<External>> {
 /// Prepares the protocol insertion in the rooms of a configuration.
 fn insertion<'a>(global: &Global, args: &Args, tools: Tools<'a>) -> anyhow::Result<InsertionEvaluation<'a>> {
     let methods = methods_by_name(&args.methods, &InsertionMethod::ALL, InsertionMethod::name)?;
-    if !args.external.is_empty() || args.panoramas.is_some() {
-        let message = "the protocol insertion scores objects, no panoramas: --external and --panoramas have no effect";
+    if !args.external.is_empty() || args.panoramas.is_some() || args.objects {
+        let message =
+            "the protocol insertion has its own objects and light: remove --external, --panoramas and --objects";
         return Err(Usage(message.into()).into());
     }
     if tools.estimator.networks().is_none() {
@@ -367,13 +386,11 @@ fn write(args: &Args, folder: &Path, report: &Report) -> anyhow::Result<()> {
     write_text(&folder.join("scenes.csv"), &report.scenes_csv())?;
     write_text(&folder.join("costs.csv"), &report.costs_csv())?;
     write_text(&folder.join("summary.md"), &report.markdown())?;
-    if !report.sheet.is_empty() {
-        imaging::write_srgb8(
-            folder.join("sheet.png"),
-            &report.sheet.picture(),
-            imaging::JPEG_QUALITY,
-            &output::signature(COMMAND),
-        )?;
+    for (name, sheet) in [("sheet.png", &report.sheet), ("objects.png", &report.objects)] {
+        if !sheet.is_empty() {
+            let signature = output::signature(COMMAND);
+            imaging::write_srgb8(folder.join(name), &sheet.picture(), imaging::JPEG_QUALITY, &signature)?;
+        }
     }
     Ok(())
 }
@@ -401,14 +418,13 @@ fn list_views(global: &Global, args: &Args, folder: &Path) -> anyhow::Result<()>
         .into());
     }
     output::check_folder(folder, VIEWS_FILE, COMMAND, args.force)?;
-    let (dataset, indices) = photos(global, args, args.split)?.open().map_err(usage)?;
+    let selection = photos(global, args, args.split)?;
     let mut bar = StageBar::new(global.quiet);
-    let mut on_event = |event| bar.handle(event);
-    let written = write_views(dataset.as_ref(), &indices, folder, &output::signature(COMMAND), &mut on_event);
+    let written = selection.write_views(folder, &output::signature(COMMAND), &mut |event| bar.handle(event));
     drop(bar);
     let photos = written.map_err(|error| match error {
         EvalError::Cancelled(_) => anyhow::anyhow!("stopped; {} was not written", list.display()),
-        error => error.into(),
+        error => usage(error),
     })?;
     report::print(&format!("{}  {photos} photos", list.display()));
     Ok(())

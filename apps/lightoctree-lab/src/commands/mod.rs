@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod dataset;
 pub mod eval;
+pub mod study;
 pub mod synth;
 pub mod train;
 pub mod weights;

@@ -72,7 +72,7 @@ fn documented_commands_that_do_not_exist_are_found() {
     );
 }
 
-/// Every configuration is used by a documented `synth` or `train` command, and parses.
+/// Every configuration is used by a documented `synth`, `train` or `study make` command, and parses.
 #[test]
 fn configurations_parse() {
     let folder = tempfile::tempdir().unwrap();
@@ -87,9 +87,14 @@ fn configurations_parse() {
         let uses: BTreeSet<_> = uses.map(|command| command.words[1].as_str()).collect();
         assert!(!uses.is_empty(), "no documented command uses {name}");
         for command in uses {
-            // `eval` takes rooms as `synth` does.
-            let command = if command == "eval" { "synth" } else { command };
-            done(folder.path(), &[command, "--config", path.to_str().unwrap(), "--print-config"]);
+            let path = path.to_str().unwrap();
+            let args: &[&str] = match command {
+                "study" => &["study", "make", path],
+                // `eval` takes rooms as `synth` does.
+                "eval" => &["synth", "--config", path],
+                command => &[command, "--config", path],
+            };
+            done(folder.path(), &[args, &["--print-config"]].concat());
         }
     }
 }

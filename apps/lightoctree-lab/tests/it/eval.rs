@@ -152,7 +152,8 @@ fn panoramas_of_other_programs_are_scored_like_ours() {
     assert!(read("three/summary.md").contains("none: not possible on 2 photos: needs a panorama of each view"));
     // Panoramas of other photos are not scored in silence.
     done(at, &["synth", "--scenes", "1", "--config", "config.toml", "--seed", "5", "-o", "others"]);
-    let message = refused(at, 2, &["eval", "others", "--split", "all", "--external", "theirs=kept/network", "-o", "four"]);
+    let message =
+        refused(at, 2, &["eval", "others", "--split", "all", "--external", "theirs=kept/network", "-o", "four"]);
     assert!(message.contains("is not listed; the list was written with other options"), "{message}");
     for (option, expected) in [
         ("network=kept/network", "network is a method of this program"),
@@ -162,6 +163,34 @@ fn panoramas_of_other_programs_are_scored_like_ours() {
         let message = refused(at, 2, &[&common[..], &["--external", option, "-o", "five"]].concat());
         assert!(message.contains(expected), "{message}");
     }
+}
+
+/// Spheres in a photo under the true panorama and under those of two methods, one of them the true one as another
+/// program's.
+#[test]
+fn objects_are_lit_by_every_methods_panorama() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    // A room in which the camera looks down at the floor.
+    let config = "shots = 1\npanoramas = 1\npanorama_height = 32\n[room]\ncrop_size = [144, 96]\n";
+    rooms(at, "3", config);
+    let eval = ["eval", "rooms", "--split", "all", "--objects", "--walks", "0", "--json"];
+    let methods = ["--methods", "mean-colour,true-octree"];
+    let summary = json(&done(at, &[&eval[..], &methods, &["-o", "report"]].concat()));
+    let text = std::fs::read_to_string(at.join("report/summary.md")).unwrap();
+    assert!(
+        text.contains("objects.png, from left to right: photo, lit by the truth, mean-colour, true-octree"),
+        "{text}"
+    );
+    let figure = |method: usize, name: &str| summary["methods"][method]["figures"][name]["mean"].as_f64().unwrap();
+    for name in ["object_diffuse_rmse", "object_rough_rmse", "object_mirror_rmse", "shadow_rms"] {
+        let (flat, octree) = (figure(0, name), figure(1, name));
+        assert!(octree < flat && octree > 0.0, "{name}: {flat} {octree}");
+    }
+    let sheet = imaging::read_photo(at.join("report/objects.png")).unwrap().photo;
+    assert_eq!(sheet.width(), 4 + 4 * 148);
+    let message = refused(at, 2, &["eval", "config.toml", "--protocol", "insertion", "--objects", "-o", "none"]);
+    assert!(message.contains("remove --external, --panoramas and --objects"), "{message}");
 }
 
 #[test]

@@ -6,4 +6,5 @@ mod support;
 mod data;
 mod documents;
 mod eval;
+mod study;
 mod train;

@@ -1,19 +1,21 @@
 //! Evaluates methods on the photos of a dataset.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lo_dataset::{
-    CropModel, Dataset, DatasetError, DatasetLayout, InteriorNet, Sample, Split, evenly_spread, indices_of,
-};
+use lo_dataset::{CropModel, Dataset, DatasetLayout, InteriorNet, Sample, Split, evenly_spread, indices_of};
 use lo_events::{Cancelled, OnEvent, Steps};
-use lo_imaging::RadianceImage;
+use lo_imaging::{Image, RadianceImage};
+use lo_insert::Quality;
+use lo_mesh::MeshError;
 
 use crate::external::ViewWriter;
+use crate::insertion::{PhotoObjects, PhotoReference, picture};
 use crate::prior::TWO_PANORAMAS_APART;
 use crate::stages;
 use crate::{
-    Cost, External, ExternalError, KnownPanorama, Method, MethodError, MethodOutput, Outcome, Protocol, ProtocolCrops,
+    Cost, EvalError, External, KnownPanorama, Method, MethodError, MethodOutput, Outcome, Protocol, ProtocolCrops,
     ProtocolRenders, Report, Scorer, Sheet, Summary, Tools, memory, walk,
 };
 
@@ -37,36 +39,6 @@ pub struct PhotoSelection {
     pub part: Option<Split>,
     /// Largest number of photos, evenly spread; all if `None`.
     pub most: Option<usize>,
-}
-
-/// Errors of an evaluation.
-#[derive(Debug, thiserror::Error)]
-pub enum EvalError {
-    /// The dataset or a sample cannot be read.
-    #[error(transparent)]
-    Dataset(#[from] DatasetError),
-    /// Panoramas of other programs cannot be read, or panoramas cannot be written.
-    #[error(transparent)]
-    External(#[from] ExternalError),
-    /// The event handler cancelled the writing of photos.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-    /// Lighthouse's choices are asked for of another dataset.
-    #[error("{}: InteriorNet or Lighthouse's test set is needed, but the layout is {layout}", dataset.display())]
-    NotInteriorNet {
-        /// The dataset.
-        dataset: PathBuf,
-        /// Name of its layout.
-        layout: &'static str,
-    },
-    /// The selected part has no photos.
-    #[error("{}: none of the {photos} photos is in the selected part", dataset.display())]
-    NoPhotos {
-        /// The dataset.
-        dataset: PathBuf,
-        /// Photos in the whole dataset.
-        photos: usize,
-    },
 }
 
 impl PhotoSelection {
@@ -97,6 +69,28 @@ impl PhotoSelection {
         }
         Ok((dataset, indices))
     }
+
+    /// Writes the photos with the list of their views, for other programs. Returns their number.
+    ///
+    /// All files store `generator`, the name of the writing program.
+    ///
+    /// # Errors
+    /// Errors of [`open`](Self::open); unreadable samples; files that cannot be written; [`Cancelled`], which leaves no
+    /// list.
+    pub fn write_views(&self, folder: &Path, generator: &str, on_event: OnEvent<'_>) -> Result<usize, EvalError> {
+        let (dataset, indices) = self.open()?;
+        let mut writer = ViewWriter::create(folder, generator)?;
+        let mut steps = Steps::begin(on_event, stages::WRITE_PHOTOS, indices.len());
+        for index in indices {
+            if steps.cancelled() {
+                return Err(Cancelled.into());
+            }
+            writer.add_photo(&dataset.get(index)?)?;
+            steps.step();
+        }
+        steps.end();
+        Ok(writer.finish()?)
+    }
 }
 
 /// An evaluation, ready to [run](Self::run).
@@ -107,6 +101,8 @@ pub struct Evaluation<'a> {
     protocol: Option<Protocol>,
     methods: Vec<Method>,
     externals: Vec<External>,
+    /// Objects to insert into the photos.
+    objects: Option<PhotoObjects>,
     /// Folder of the methods' panoramas, and the name of the writing program.
     panoramas: Option<(PathBuf, String)>,
     tools: Tools<'a>,
@@ -127,7 +123,7 @@ impl<'a> Evaluation<'a> {
             methods.to_vec()
         };
         let (protocol, externals) = (photos.protocol, Vec::new());
-        Ok(Self { dataset, indices, protocol, methods, externals, panoramas: None, tools })
+        Ok(Self { dataset, indices, protocol, methods, externals, objects: None, panoramas: None, tools })
     }
 
     /// Scores panoramas of other programs, too.
@@ -140,6 +136,16 @@ impl<'a> Evaluation<'a> {
             externals.iter().try_for_each(|external| external.entry(&first).map(drop))?;
         }
         self.externals = externals;
+        Ok(self)
+    }
+
+    /// Inserts three spheres into each photo, lit by each method's panorama, and compares them with those lit by the
+    /// true one. Requires an estimator with networks.
+    ///
+    /// # Errors
+    /// Oversized meshes; does not occur.
+    pub fn with_objects(mut self, quality: Quality) -> Result<Self, MeshError> {
+        self.objects = Some(PhotoObjects::new(quality)?);
         Ok(self)
     }
 
@@ -166,7 +172,9 @@ impl<'a> Evaluation<'a> {
         let names = self.methods.iter().map(|method| method.name());
         let methods = names.chain(self.externals.iter().map(External::name)).map(str::to_owned).collect();
         let (summary, sheet) = (Summary::default(), Sheet::default());
-        let mut report = Report { methods, summary, sheet, photos: 0, asked: count, error: None };
+        let (objects, without_objects) = (Sheet::default(), BTreeMap::new());
+        let mut report =
+            Report { methods, summary, sheet, objects, without_objects, photos: 0, asked: count, error: None };
         let mut steps = Steps::begin(on_event, stages::EVALUATE_PHOTOS, count);
         let result = self.writers().and_then(|mut writers| {
             let mut evaluated = Ok(());
@@ -181,8 +189,14 @@ impl<'a> Evaluation<'a> {
                         break;
                     }
                 };
-                if rows.contains(&position) {
+                let is_shown = rows.contains(&position);
+                if is_shown {
                     report.sheet.add(&row.sample, &row.shown);
+                }
+                match row.objects {
+                    Some(Ok(pictures)) if is_shown => report.objects.add_row(pictures),
+                    Some(Err(reason)) => *report.without_objects.entry(reason.to_string()).or_default() += 1,
+                    _ => {}
                 }
                 row.outcomes.into_iter().for_each(|outcome| report.summary.add(outcome));
                 report.photos += 1;
@@ -213,6 +227,9 @@ impl<'a> Evaluation<'a> {
     ) -> Result<PhotoRow, EvalError> {
         let (sample, known) = self.known_panorama(self.dataset.get(self.indices[position])?);
         let foreign = self.foreign_panorama(position, &sample);
+        let reference = self.objects.as_ref().map(|objects| objects.reference(&sample, &self.tools));
+        let placed = reference.as_ref().and_then(|reference| reference.as_ref().ok());
+        let mut pictures = Vec::new();
         let (mut outcomes, mut shown) = (Vec::new(), Vec::new());
         for (index, &method) in self.methods.iter().enumerate() {
             let tools = Tools {
@@ -225,7 +242,8 @@ impl<'a> Evaluation<'a> {
                 Some(reason) => Err(MethodError::Needs(reason)),
                 None => method.estimate(sample, &tools),
             };
-            let (outcome, panoramas) = outcome(scorer, &sample, method, estimate, walks);
+            let (mut outcome, panoramas) = outcome(scorer, &sample, method, estimate, walks);
+            pictures.extend(placed.map(|placed| insert(placed, &panoramas, &mut outcome)));
             if let Some(writer) = writers.get_mut(index) {
                 writer.add_panoramas(&sample, &panoramas)?;
             }
@@ -235,17 +253,24 @@ impl<'a> Evaluation<'a> {
         for external in &self.externals {
             let panoramas = external.panoramas(&sample)?;
             let scores = panoramas.as_ref().map(|panoramas| scorer.score_panoramas(&sample, panoramas));
-            outcomes.push(Outcome {
+            let mut outcome = Outcome {
                 sample: sample.id.clone(),
                 scene: sample.scene_id.clone(),
                 method: external.name().to_owned(),
                 condition: None,
                 scores: scores.ok_or(MethodError::Needs(PANORAMAS)),
                 cost: None,
-            });
-            shown.push(panoramas.and_then(|panoramas| panoramas.into_iter().next()));
+            };
+            let panoramas = panoramas.unwrap_or_default();
+            pictures.extend(placed.map(|placed| insert(placed, &panoramas, &mut outcome)));
+            outcomes.push(outcome);
+            shown.push(panoramas.into_iter().next());
         }
-        Ok(PhotoRow { sample, outcomes, shown })
+        let objects = reference.map(|reference| {
+            let reference = reference?;
+            Ok([sample.photo.clone(), reference.picture()].into_iter().chain(pictures).collect())
+        });
+        Ok(PhotoRow { sample, outcomes, shown, objects })
     }
 
     /// Takes the known panorama out of the sample, if any method uses one.
@@ -282,9 +307,27 @@ struct PhotoRow {
     outcomes: Vec<Outcome>,
     /// The first panorama of each method.
     shown: Vec<Option<RadianceImage>>,
+    /// The photo, and objects in it under the true panorama and each method's; the reason for having none.
+    objects: Option<Result<Vec<Image<[u8; 3]>>, MethodError>>,
 }
 
-/// What the panoramas of another program may lack.
+/// Inserts the objects under a method's first panorama: adds their figures and returns their picture.
+fn insert(reference: &PhotoReference, panoramas: &[RadianceImage], outcome: &mut Outcome) -> Image<[u8; 3]> {
+    let Some(panorama) = panoramas.first() else { return reference.missing() };
+    match (reference.under(panorama.clone()), &mut outcome.scores) {
+        (Ok(composite), Ok(scores)) => {
+            reference.compare(&composite, scores);
+            picture(&composite.image)
+        }
+        (Err(error), Ok(_)) => {
+            outcome.scores = Err(error);
+            reference.missing()
+        }
+        (_, Err(_)) => reference.missing(),
+    }
+}
+
+/// Requirement of another program's panoramas.
 const PANORAMAS: &str = "a panorama of each view, or one of the photo";
 
 /// Runs a method on a photo and returns its outcome and its panoramas.

@@ -5,13 +5,12 @@
 
 use std::path::{Path, PathBuf};
 
-use lo_dataset::{Dataset, NovelView, Sample};
-use lo_events::{Cancelled, OnEvent, Steps};
+use lo_dataset::{NovelView, Sample};
 use lo_geometry::{Camera, Mat3, Vec3};
 use lo_imaging::{ExrOptions, ImageError, JPEG_QUALITY, RadianceImage, resize_equirectangular};
 use serde::{Deserialize, Serialize};
 
-use crate::{EstimatedLight, EvalError, MethodOutput, stages};
+use crate::{EstimatedLight, MethodOutput};
 
 /// File name of the list of views, in the folder of its panoramas.
 pub const VIEWS_FILE: &str = "views.json";
@@ -209,7 +208,7 @@ impl ViewWriter {
     ///
     /// # Errors
     /// A file cannot be written.
-    fn add_photo(&mut self, sample: &Sample) -> Result<(), ExternalError> {
+    pub(crate) fn add_photo(&mut self, sample: &Sample) -> Result<(), ExternalError> {
         let number = self.list.photos.len() + 1;
         let mut listed = ListedPhoto::of(sample, number);
         let photo = PathBuf::from(format!("{number:06}-photo.png"));
@@ -253,30 +252,6 @@ impl ViewWriter {
         lo_imaging::write_atomically(&path, |out| std::io::Write::write_all(out, text.as_bytes()))?;
         Ok(self.list.photos.len())
     }
-}
-
-/// Writes photos of a dataset with the list of their views, for other programs. Returns the number of photos.
-///
-/// # Errors
-/// Unreadable samples; files that cannot be written; [`Cancelled`], which leaves no list.
-pub fn write_views(
-    dataset: &dyn Dataset,
-    indices: &[usize],
-    folder: &Path,
-    generator: &str,
-    on_event: OnEvent<'_>,
-) -> Result<usize, EvalError> {
-    let mut writer = ViewWriter::create(folder, generator)?;
-    let mut steps = Steps::begin(on_event, stages::WRITE_PHOTOS, indices.len());
-    for &index in indices {
-        if steps.cancelled() {
-            return Err(Cancelled.into());
-        }
-        writer.add_photo(&dataset.get(index)?)?;
-        steps.step();
-    }
-    steps.end();
-    Ok(writer.finish()?)
 }
 
 /// Panoramas of another program, to be scored beside this program's methods.

@@ -4,6 +4,7 @@
 
 mod baseline;
 mod coherence;
+mod eval_error;
 mod evaluation;
 mod external;
 mod insertion;
@@ -25,10 +26,11 @@ mod testing;
 mod walk;
 
 pub use coherence::coherence;
-pub use evaluation::{EvalError, Evaluation, PhotoSelection};
-pub use external::{External, ExternalError, ListedPhoto, ListedView, VIEWS_FILE, ViewList, write_views};
-pub use insertion::{InsertionEvaluation, InsertionMethod, LampMode};
-pub use method::{DepthInput, EstimatedLight, Method, MethodOutput, PriorPanorama, Tools, Tracer};
+pub use eval_error::EvalError;
+pub use evaluation::{Evaluation, PhotoSelection};
+pub use external::{External, ExternalError, ListedPhoto, ListedView, VIEWS_FILE, ViewList};
+pub use insertion::{InsertionEvaluation, InsertionMethod, LampMode, LevelSurfaces, ObjectLighting};
+pub use method::{DepthInput, EstimatedLight, Method, MethodOutput, PriorPanorama, Tools, Tracer, estimate_scene};
 pub use method_error::MethodError;
 pub use prior::{KnownPanorama, MIN_PANORAMA_DISTANCE_M, PriorAlignment};
 pub use profile::{Profile, ProfileBuilder, ProfileError};

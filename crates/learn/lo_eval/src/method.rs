@@ -389,11 +389,7 @@ pub(crate) fn in_photo_frame(view: &NovelView) -> RadianceImage {
 ///
 /// # Errors
 /// Missing inputs; failed estimates.
-pub(crate) fn estimate_scene(
-    sample: &Sample,
-    input: Option<DepthInput>,
-    tools: &Tools,
-) -> Result<Arc<Estimate>, MethodError> {
+pub fn estimate_scene(sample: &Sample, input: Option<DepthInput>, tools: &Tools) -> Result<Arc<Estimate>, MethodError> {
     let options = network_options(tools)?;
     Ok(tools.estimator.estimate(input_of(sample, input)?, &options, &mut lo_events::ignore)?.into())
 }

@@ -1,5 +1,7 @@
 //! Results of an evaluation, as data and tables.
 
+use std::collections::BTreeMap;
+
 use crate::{Cost, EvalError, Sheet, Summary};
 
 /// Results of an evaluation.
@@ -11,6 +13,10 @@ pub struct Report {
     pub summary: Summary,
     /// Contact sheet.
     pub sheet: Sheet,
+    /// Contact sheet of objects inserted into the photos; empty if none were.
+    pub objects: Sheet,
+    /// Reasons for photos without objects, and their numbers.
+    pub without_objects: BTreeMap<String, usize>,
     /// Number of photos evaluated.
     pub photos: usize,
     /// Number of photos requested.
@@ -22,7 +28,14 @@ pub struct Report {
 impl Report {
     /// Returns the order of the sheet's columns and all tables, in Markdown.
     pub fn markdown(&self) -> String {
-        let order = format!("sheet.png, from left to right: photo, truth, {}\n\n", self.methods.join(", "));
+        let methods = self.methods.join(", ");
+        let mut order = format!("sheet.png, from left to right: photo, truth, {methods}\n\n");
+        if !self.objects.is_empty() {
+            order += &format!("objects.png, from left to right: photo, lit by the truth, {methods}\n\n");
+        }
+        for (reason, count) in &self.without_objects {
+            order += &format!("no objects in {count} photos: {reason}\n\n");
+        }
         order + &self.summary.markdown() + &self.summary.cost_markdown()
     }
 
@@ -87,7 +100,8 @@ mod tests {
         summary.add(outcome("shell-true", Err(MethodError::Needs("true depth"))));
         let sheet = Sheet::default();
         let methods = vec![Method::Network(None).name().to_owned()];
-        let report = Report { methods, summary, sheet, photos: 1, asked: 2, error: None };
+        let (objects, without_objects) = (Sheet::default(), BTreeMap::new());
+        let report = Report { methods, summary, sheet, objects, without_objects, photos: 1, asked: 2, error: None };
         let name = "\"a \"\"small\"\" room, 1\"";
         assert_eq!(
             report.scenes_csv(),

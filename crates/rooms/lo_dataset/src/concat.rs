@@ -49,6 +49,10 @@ impl Dataset for ConcatDataset {
         let (dataset, index) = self.dataset(index).expect("the index is below the length");
         dataset.split(index)
     }
+
+    fn left_out(&self) -> usize {
+        self.0.iter().map(|dataset| dataset.left_out()).sum()
+    }
 }
 
 #[cfg(test)]

@@ -40,6 +40,12 @@ pub trait Dataset: Send + Sync {
         1
     }
 
+    /// Returns the number of samples that were left out: those that the dataset's authors exclude, and those that its
+    /// reader cannot represent.
+    fn left_out(&self) -> usize {
+        0
+    }
+
     /// Returns the split that a sample belongs to: the published one, or [`Split::of`] its scene.
     fn split(&self, index: usize) -> Split {
         Split::of(&self.scene_id(index))

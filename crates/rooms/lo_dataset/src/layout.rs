@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use crate::published::{
-    CropModel, Frames, FutureHouse, InteriorNet, InteriorVerse, LavalVarying, Lighthouse, Panoramas,
+    CropModel, Frames, FutureHouse, Hypersim, InteriorNet, InteriorVerse, LavalVarying, Lighthouse, Panoramas,
 };
 use crate::{Dataset, DatasetError, Shards};
 
@@ -12,6 +12,8 @@ pub enum DatasetLayout {
     Shards,
     /// [`FutureHouse`].
     FutureHouse,
+    /// [`Hypersim`].
+    Hypersim,
     /// [`InteriorNet`].
     InteriorNet,
     /// [`InteriorVerse`].
@@ -28,13 +30,14 @@ pub enum DatasetLayout {
 
 impl DatasetLayout {
     /// All layouts, in the order of detection.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Frames,
         Self::Shards,
         Self::FutureHouse,
         Self::Lighthouse,
         Self::InteriorNet,
         Self::InteriorVerse,
+        Self::Hypersim,
         Self::LavalVarying,
         Self::Panoramas,
     ];
@@ -44,6 +47,7 @@ impl DatasetLayout {
         match self {
             Self::Shards => "shards",
             Self::FutureHouse => "futurehouse",
+            Self::Hypersim => "hypersim",
             Self::InteriorNet => "interiornet",
             Self::InteriorVerse => "interiorverse",
             Self::Lighthouse => "lighthouse",
@@ -81,6 +85,8 @@ impl DatasetLayout {
             Ok(Self::InteriorNet)
         } else if InteriorVerse::is_at(path) {
             Ok(Self::InteriorVerse)
+        } else if Hypersim::is_at(path) {
+            Ok(Self::Hypersim)
         } else if LavalVarying::is_at(path) {
             Ok(Self::LavalVarying)
         } else if any(&["hdr", "exr", "pfm"]) {
@@ -99,6 +105,7 @@ impl DatasetLayout {
         Ok(match self {
             Self::Shards => Box::new(Shards::open(path)?),
             Self::FutureHouse => Box::new(FutureHouse::open(path, model)?),
+            Self::Hypersim => Box::new(Hypersim::open(path, model.photo, model.seed)?),
             Self::InteriorNet => Box::new(InteriorNet::open(path, model.seed)?),
             Self::InteriorVerse => Box::new(InteriorVerse::open(path, model.photo, model.seed)?),
             Self::Lighthouse => Box::new(Lighthouse::open(path)?),

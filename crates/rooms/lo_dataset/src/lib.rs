@@ -39,7 +39,7 @@ pub use loading::{LoadError, LoaderConfig, LoaderState};
 pub use observed::observed_mask;
 pub use preview::ContactSheet;
 pub use published::{
-    CropModel, Frames, FutureHouse, InteriorNet, InteriorVerse, LavalVarying, Lighthouse, Panoramas, RoomPlan,
+    CropModel, Frames, FutureHouse, Hypersim, InteriorNet, InteriorVerse, LavalVarying, Lighthouse, Panoramas, RoomPlan,
 };
 pub use record::{Record, Shot};
 pub use sample::{Metadata, NovelView, Sample, Split};

@@ -10,7 +10,7 @@ use lo_metrics::{rmse, si_rmse};
 use super::truth::{ObjectTruth, STRIDE};
 
 /// Smallest coverage at which a pixel of the object is compared.
-const MIN_ALPHA: f32 = 0.999;
+pub(crate) const MIN_ALPHA: f32 = 0.999;
 
 /// Smallest number of pixels for a figure.
 const MIN_PIXELS: usize = 12;

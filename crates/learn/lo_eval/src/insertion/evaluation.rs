@@ -1,5 +1,6 @@
 //! Evaluates all methods in all rooms of the insertion protocol.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use std::path::PathBuf;
@@ -9,7 +10,7 @@ use lo_dataset::{DatasetError, Generator, Sample, evenly_spread};
 use lo_events::{OnEvent, Steps};
 use lo_geometry::Vec3;
 use lo_imaging::{Image, Photo, linear_from_srgb8, srgb8_from_linear};
-use lo_insert::{Align, Base, Composite, InsertError, Inserter, Instance, Lighting, Placement, Quality};
+use lo_insert::{Align, Composite, InsertError, Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{MeshError, PreparedModel};
 use lo_scene::Estimate;
 use lo_synth::{CameraPose, Weather};
@@ -17,7 +18,7 @@ use lo_synth::{CameraPose, Weather};
 use super::compare::{self, Darkening};
 use super::footprints::{Footprint, footprints};
 use super::method::{InsertionMethod, ObjectLighting};
-use super::objects::TestObject;
+use super::objects::{PreparedObject, TestObject};
 use super::truth::{ObjectTruth, STRIDE, TrueRoom};
 use crate::method::{estimate_scene, in_photo_frame};
 use crate::sheet::NOTHING;
@@ -40,13 +41,6 @@ pub struct InsertionEvaluation<'a> {
     quality: Quality,
     truths: Option<PathBuf>,
     objects: Vec<PreparedObject>,
-}
-
-/// A test object, ready for insertion.
-struct PreparedObject {
-    kind: TestObject,
-    model: PreparedModel,
-    base: Base,
 }
 
 /// A room with its references.
@@ -82,11 +76,7 @@ impl<'a> InsertionEvaluation<'a> {
         quality: Quality,
     ) -> Result<Self, MeshError> {
         let methods = if methods.is_empty() { InsertionMethod::ALL.to_vec() } else { methods.to_vec() };
-        let objects = TestObject::ALL.into_iter().map(|kind| {
-            let model = PreparedModel::new(kind.model()?);
-            Ok(PreparedObject { kind, base: Base::new(&model), model })
-        });
-        let objects = objects.collect::<Result<_, _>>()?;
+        let objects = PreparedObject::all(&TestObject::ALL)?;
         Ok(Self { generator, seed, rooms, methods, tools, quality, truths: None, objects })
     }
 
@@ -137,7 +127,8 @@ impl<'a> InsertionEvaluation<'a> {
         }
         steps.end();
         let methods = self.methods.iter().map(|method| method.name().to_owned()).collect();
-        Report { methods, summary, sheet, photos: done, asked: self.rooms, error: failure }
+        let (objects, without_objects) = (Sheet::default(), BTreeMap::new());
+        Report { methods, summary, sheet, objects, without_objects, photos: done, asked: self.rooms, error: failure }
     }
 
     /// Generates room `index`; `None` if it has no footprint.

@@ -1,10 +1,11 @@
 //! Footprints for objects: visible points on level surfaces with enough free space for every object.
 
-use lo_geometry::{Ray, Vec3};
+use lo_geometry::Vec3;
 use lo_mesh::PreparedModel;
 use lo_random::RngExt;
 use lo_synth::{CameraPose, Interior};
 
+use super::level_surfaces::LevelSurfaces;
 use super::objects::TestObject;
 
 /// Largest number of footprints per photo.
@@ -13,17 +14,11 @@ pub(crate) const MAX_FOOTPRINTS: usize = 3;
 /// Number of random pixels to try.
 const TRIES: usize = 600;
 
-/// Range of depth, metres along the optical axis.
-const DEPTH_M: (f32, f32) = (0.9, 4.5);
-
 /// Apparent radius of the spheres as a share of the photo's width.
 const RADIUS_SHARE: f32 = 0.042;
 
 /// Smallest distance between footprints, radii.
 const MIN_DISTANCE_RADII: f32 = 8.0;
-
-/// Length of rays, metres.
-const FAR_M: f32 = 100.0;
 
 /// Position of an object in the room's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,10 +49,11 @@ impl Footprint {
 pub(crate) fn footprints(interior: &Interior, model: &PreparedModel, view: &CameraPose, seed: u64) -> Vec<Footprint> {
     let mut random = lo_random::stream(seed, "places of objects", lo_random::hash(interior.id.as_bytes()));
     let (width, height) = (f64::from(view.camera.width), f64::from(view.camera.height));
+    let surfaces = LevelSurfaces { interior, model, view };
     let mut found: Vec<Footprint> = Vec::new();
     for _ in 0..TRIES {
         let pixel = [random.random_range(0.1..0.9) * width, random.random_range(0.2..0.92) * height];
-        let Some(footprint) = footprint_at(interior, model, view, pixel) else { continue };
+        let Some(footprint) = footprint_at(&surfaces, pixel) else { continue };
         let is_apart = |other: &Footprint| {
             (other.base_m - footprint.base_m).length() > MIN_DISTANCE_RADII * other.radius_m.max(footprint.radius_m)
         };
@@ -72,54 +68,20 @@ pub(crate) fn footprints(interior: &Interior, model: &PreparedModel, view: &Came
 }
 
 /// Returns the footprint at a pixel, if all objects fit there on a level surface and are entirely visible.
-fn footprint_at(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [f64; 2]) -> Option<Footprint> {
-    let (camera, pose) = (&view.camera, &view.pose);
-    let direction = (pose.rotation * camera.direction(pixel[0], pixel[1])).normalize();
-    let hit = model.intersect_both_sides(&Ray { origin: pose.position, direction }, FAR_M)?;
-    let axis_m = hit.distance_m * direction.dot(pose.rotation * Vec3::NEG_Z);
-    if !(DEPTH_M.0..DEPTH_M.1).contains(&axis_m) || !is_level(model, hit.triangle) {
-        return None;
-    }
-    let base_m = pose.position + direction * hit.distance_m;
+fn footprint_at(surfaces: &LevelSurfaces, pixel: [f64; 2]) -> Option<Footprint> {
+    let (camera, pose) = (&surfaces.view.camera, &surfaces.view.pose);
+    let (base_m, axis_m) = surfaces.at_pixel(pixel)?;
     let radius_m = RADIUS_SHARE * camera.width as f32 / camera.fx as f32 * axis_m;
-    let is_carried = |i: u32| {
-        let (sin, cos) = (std::f32::consts::TAU * i as f32 / 8.0).sin_cos();
-        let origin = base_m + radius_m * Vec3::new(cos, 0.5, sin);
-        let hit = model.intersect_both_sides(&Ray { origin, direction: Vec3::NEG_Y }, FAR_M);
-        hit.is_some_and(|hit| (hit.distance_m - 0.5 * radius_m).abs() < 0.005)
-    };
     let is_free =
-        |height: f32, margin: f32| interior.is_free(base_m + Vec3::Y * (height * radius_m), margin * radius_m);
+        |height: f32, margin: f32| surfaces.interior.is_free(base_m + Vec3::Y * (height * radius_m), margin * radius_m);
     let has_room =
-        is_free(1.0, 0.95) && [1.0, 2.0, 3.0, 4.0, TestObject::Pole.height()].iter().all(|&h| is_free(h, 0.4));
+        || is_free(1.0, 0.95) && [1.0, 2.0, 3.0, 4.0, TestObject::Pole.height()].iter().all(|&h| is_free(h, 0.4));
     // The sphere's outline and the pole must be visible.
-    let shows = |point: Vec3| {
-        let local = pose.rotation.inverse() * (point - pose.position);
-        let inside = camera.project(local).is_some_and(|(u, v, _)| {
-            let margin = 0.02 * f64::from(camera.width);
-            u > margin && v > margin && u < camera.width as f64 - margin && v < camera.height as f64 - margin
-        });
-        let to = point - pose.position;
-        let ray = Ray { origin: pose.position, direction: to.normalize() };
-        let is_open = || model.intersect_both_sides(&ray, to.length() - 0.01 * radius_m).is_none();
-        inside && is_open()
-    };
     let right = pose.rotation * Vec3::X;
     let outline =
         [Vec3::Y, Vec3::new(0.0, 2.0, 0.0), Vec3::Y + right, Vec3::Y - right, Vec3::Y * TestObject::Pole.height()];
-    let shown = || outline.into_iter().all(|offset| shows(base_m + offset * radius_m));
-    ((0..8).all(is_carried) && has_room && shown()).then_some(Footprint { pixel, base_m, radius_m })
-}
-
-fn is_level(model: &PreparedModel, triangle: u32) -> bool {
-    normal(model, triangle).y.abs() > 0.999
-}
-
-/// Returns the unit normal of a triangle; 0 if it is degenerate.
-pub(crate) fn normal(model: &PreparedModel, triangle: u32) -> Vec3 {
-    let model = model.model();
-    let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
-    (b - a).cross(c - a).normalize_or_zero()
+    let shown = || outline.into_iter().all(|offset| surfaces.shows(base_m + offset * radius_m, 0.01 * radius_m));
+    (surfaces.carries(base_m, radius_m) && has_room() && shown()).then_some(Footprint { pixel, base_m, radius_m })
 }
 
 #[cfg(test)]

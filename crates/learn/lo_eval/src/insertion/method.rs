@@ -74,7 +74,7 @@ impl InsertionMethod {
     }
 
     /// Returns the depth input.
-    pub(crate) fn input(self) -> Option<DepthInput> {
+    pub fn input(self) -> Option<DepthInput> {
         match self {
             Self::Network(input, _) => input,
             _ => Some(DepthInput::True),
@@ -83,7 +83,8 @@ impl InsertionMethod {
 }
 
 /// Light on objects, and the scene that they are inserted into.
-pub(crate) struct ObjectLighting {
+pub struct ObjectLighting {
+    /// The scene in the method's light.
     pub scene: LitScene,
     light: ObjectLight,
 }
@@ -132,7 +133,7 @@ impl ObjectLighting {
         Ok(Self { scene, light })
     }
 
-    /// Returns the lighting of all objects; `None` if each footprint has its own panorama, [`in_photo_frame`].
+    /// Returns the lighting of all objects; `None` if each footprint has its own true panorama.
     pub fn lighting(&self) -> Option<Lighting> {
         match &self.light {
             ObjectLight::Octree(_) => Some(Lighting::Octree),
@@ -142,7 +143,7 @@ impl ObjectLighting {
     }
 
     /// Returns the panorama in the photo's frame at a position of the scene that corresponds to `view`.
-    pub fn panorama(&self, place_m: Vec3, view: &NovelView) -> RadianceImage {
+    pub(crate) fn panorama(&self, place_m: Vec3, view: &NovelView) -> RadianceImage {
         let (width, height) = (view.radiance.width(), view.radiance.height());
         match &self.light {
             ObjectLight::Octree(viewers) => viewers.panorama(place_m, width, height).radiance,

@@ -3,7 +3,8 @@
 use std::f32::consts::TAU;
 
 use lo_geometry::Vec3;
-use lo_mesh::{LoadOptions, Material, MeshError, Model};
+use lo_insert::Base;
+use lo_mesh::{LoadOptions, Material, MeshError, Model, PreparedModel};
 
 /// Number of sides of the pole.
 const SIDES: u32 = 32;
@@ -68,6 +69,27 @@ impl TestObject {
             model.positions.iter_mut().for_each(|position| position.y += 1.0);
         }
         Ok(model)
+    }
+}
+
+/// A test object, ready for insertion.
+pub(crate) struct PreparedObject {
+    pub kind: TestObject,
+    pub model: PreparedModel,
+    pub base: Base,
+}
+
+impl PreparedObject {
+    /// Builds objects.
+    ///
+    /// # Errors
+    /// As for [`TestObject::model`].
+    pub fn all(kinds: &[TestObject]) -> Result<Vec<Self>, MeshError> {
+        let prepared = |&kind: &TestObject| {
+            let model = PreparedModel::new(kind.model()?);
+            Ok(Self { kind, base: Base::new(&model), model })
+        };
+        kinds.iter().map(prepared).collect()
     }
 }
 

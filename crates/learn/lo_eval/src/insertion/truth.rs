@@ -7,7 +7,8 @@ use lo_transport::{PathTracer, TransportError, World};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::footprints::{Footprint, normal};
+use super::footprints::Footprint;
+use super::level_surfaces::normal;
 use super::objects::TestObject;
 
 /// Every n-th pixel in each direction is compared.

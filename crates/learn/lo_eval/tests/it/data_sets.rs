@@ -7,7 +7,7 @@ use lo_estimate::Estimator;
 use lo_eval::{DepthInput, Evaluation, Method, PhotoSelection, Scores, Tools};
 use lo_imaging::DepthMap;
 
-use crate::{layouts, lighthouse_layout};
+use crate::{hypersim_layout, layouts, lighthouse_layout};
 
 const METHODS: [Method; 4] =
     [Method::MeanColour, Method::Mirrored, Method::Shell(DepthInput::True), Method::TrueOctree];
@@ -45,6 +45,17 @@ fn futurehouse_has_figures_of_radiance_and_coherence() {
     // The octree of the panorama's own pixels is the upper bound.
     let others = [mean, mirrored, shell].map(|scores| scores.get("psnr_db").unwrap());
     assert!(others.iter().all(|db| *db < octree.get("psnr_db").unwrap()), "{others:?} {octree:?}");
+}
+
+#[test]
+fn hypersim_has_figures_of_depth_and_structure() {
+    let folder = tempfile::tempdir().unwrap();
+    hypersim_layout::write(folder.path());
+    let found = evaluate(folder.path(), false);
+    let [shell, octree] = [2, 3].map(|i| found[i].as_ref().unwrap());
+    assert!(shell.get("depth_abs_rel").is_some_and(|error| error < 1e-3), "{shell:?}");
+    assert!(shell.get("split_accuracy").is_some_and(|share| (0.3..1.0).contains(&share)), "{shell:?}");
+    assert_eq!((octree.get("split_accuracy"), octree.get("psnr_db")), (Some(1.0), None));
 }
 
 #[test]

@@ -3,6 +3,8 @@
 
 mod camera;
 mod data_sets;
+#[path = "../../../../rooms/lo_dataset/tests/it/hypersim_layout.rs"]
+mod hypersim_layout;
 #[path = "../../../../rooms/lo_dataset/tests/it/layouts.rs"]
 #[expect(dead_code, reason = "not all layouts are evaluated")]
 mod layouts;

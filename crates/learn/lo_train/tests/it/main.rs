@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 mod encoder_weights;
+#[path = "../../../../rooms/lo_dataset/tests/it/hypersim_layout.rs"]
+mod hypersim_layout;
 #[path = "../../../../rooms/lo_dataset/tests/it/layouts.rs"]
 mod layouts;
 mod overfit;

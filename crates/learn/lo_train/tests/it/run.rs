@@ -210,6 +210,20 @@ fn interiorverse_trains_the_depth_network() {
 }
 
 #[test]
+fn hypersim_trains_depth_and_light_without_panoramas() {
+    let (out, _) = trained_on(crate::hypersim_layout::write, |config| {
+        (config.joint, config.validation.photos) = (Vec::new(), 0);
+    });
+    let log = std::fs::read_to_string(out.path().join(LOG_FILE)).unwrap();
+    let lines: Vec<serde_json::Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let found = |name: &str| lines.iter().filter_map(|line| line["means"][name].as_f64()).collect::<Vec<f64>>();
+    for name in ["log_depth", "node_radiance", "visible_radiance"] {
+        assert!(found(name).iter().all(|loss| *loss > 0.0) && found(name).len() == 1, "{name}: {log}");
+    }
+    assert_eq!(found("novel_radiance"), [0.0]);
+}
+
+#[test]
 fn interiornet_trains_every_stage_without_light_above_white() {
     let write = |data: &Path| drop(crate::layouts::interiornet(data));
     let (out, _) = trained_on(write, |config| config.validation.photos = 0);

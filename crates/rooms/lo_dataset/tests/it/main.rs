@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod consistency;
+mod hypersim_layout;
 mod layouts;
 mod lighthouse_layout;
 mod mattes;

@@ -11,6 +11,7 @@ use lo_geometry::{Vec3, pixel_direction, uv_from_direction};
 use lo_imaging::{DepthMap, Image, linear_from_srgb8, sample_equirectangular, write_depth, write_srgb8};
 use lo_testdata::{panoramas, shared_data};
 
+use crate::hypersim_layout;
 use crate::layouts::{direction_map, futurehouse, hdr, interiornet, interiorverse, room_distance};
 use crate::lighthouse_layout;
 
@@ -217,7 +218,7 @@ fn interiornet_as_lighthouse_chooses() {
     assert_eq!(dataset.get(0).unwrap().views.len(), 0);
     let scene = folder.path().join("HD1/3FO4_Bedroom");
     std::fs::rename(scene.join("original_1_1"), scene.join("random_1_1")).unwrap();
-    assert!(open().unwrap_err().to_string().ends_with("contains sequences with random light alone"));
+    assert!(open().err().unwrap().to_string().ends_with("contains sequences with random light alone"));
 }
 
 #[test]
@@ -323,6 +324,64 @@ fn interiorverse_in_its_published_layout() {
     hdr(&depth, &Image::new(32, 24, vec![[2000.0; 3]; 32 * 24]));
     let error = DatasetLayout::InteriorVerse.open(&part, small()).unwrap().get(0).unwrap_err().to_string();
     assert!(error.ends_with("000_depth.exr: size: 32 × 24 pixels, but the image has 64 × 48"), "{error}");
+}
+
+#[test]
+fn hypersim_in_its_published_layout() {
+    let folder = tempfile::tempdir().unwrap();
+    hypersim_layout::write(folder.path());
+    assert_eq!(DatasetLayout::detect(folder.path()).unwrap(), DatasetLayout::Hypersim);
+    let open = || DatasetLayout::Hypersim.open(folder.path(), small());
+    let dataset = open().unwrap();
+    // The third frame is excluded by the list, two are of a sheared image.
+    assert_eq!((dataset.len(), dataset.left_out()), (4, 3));
+    assert!((0..4).all(|index| dataset.split(index) == Split::Train));
+    let (camera, tilt) = hypersim_layout::lens();
+    for (index, frame, id) in [(0, 0, "ai_001_001-cam_00-0000"), (3, 4, "ai_001_001-cam_00-0004")] {
+        let sample = dataset.get(index).unwrap();
+        assert_eq!((&sample.id[..], &sample.scene_id[..]), (id, "ai_001_001"));
+        let found = sample.camera;
+        let pairs = [(found.fx, camera.fx), (found.fy, camera.fy), (found.cx, camera.cx), (found.cy, camera.cy)];
+        assert!(pairs.iter().all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+        assert!(sample.albedo.is_some() && sample.views.is_empty());
+        // The points of all frames are on the room's walls and have their light, but for the photo's gains.
+        let (position_m, turn) = hypersim_layout::pose(frame);
+        let to_world = (turn * tilt).as_quat();
+        assert!((to_world * sample.up.unwrap() - Vec3::Z).length() < 1e-5);
+        let mut ranges = [[f32::MAX, f32::MIN]; 3];
+        for point in &sample.points {
+            let world_m = position_m.as_vec3() + to_world * point.position_m;
+            let on_wall = (world_m.abs() / hypersim_layout::HALF_M).max_element();
+            assert!((on_wall - 1.0).abs() < 1e-3, "{world_m}");
+            let light = hypersim_layout::radiance(world_m);
+            for (range, gain) in ranges.iter_mut().zip([0, 1, 2].map(|c| point.radiance[c] / light[c])) {
+                *range = [range[0].min(gain), range[1].max(gain)];
+            }
+        }
+        assert!(ranges.iter().all(|[low, high]| high / low < 1.01), "{ranges:?}");
+        assert_eq!((sample.points.len(), sample.depth_m.as_ref().unwrap()[(2, 2)]), (4 * 48 - 4, 0.0));
+    }
+
+    let cameras = folder.path().join("metadata_camera_parameters.csv");
+    std::fs::remove_file(&cameras).unwrap();
+    let error = open().err().unwrap().to_string();
+    assert!(error.contains("metadata_camera_parameters.csv") && error.contains("ml-hypersim"), "{error}");
+}
+
+#[test]
+fn hypersim_errors_name_the_file_and_the_field() {
+    let folder = tempfile::tempdir().unwrap();
+    hypersim_layout::write(folder.path());
+    let open = || DatasetLayout::Hypersim.open(folder.path(), small());
+    let scene = folder.path().join("ai_001_001");
+    let depth = scene.join("images/scene_cam_00_geometry_hdf5/frame.0001.depth_meters.hdf5");
+    std::fs::write(&depth, b"\x89HDF\r\n\x1a\n and nothing else").unwrap();
+    let error = open().unwrap().get(1).unwrap_err().to_string();
+    assert!(error.starts_with(&format!("{}: dataset: ", depth.display())), "{error}");
+    let metadata = scene.join("_detail/metadata_scene.csv");
+    std::fs::write(&metadata, "parameter_name,parameter_value\nmeters_per_asset_unit,-1\n").unwrap();
+    let error = open().err().unwrap().to_string();
+    assert!(error.starts_with(&format!("{}: meters_per_asset_unit: ", metadata.display())), "{error}");
 }
 
 #[test]
@@ -512,7 +571,7 @@ fn unknown_folders_are_refused() {
     std::fs::write(folder.path().join("letter.txt"), "dear").unwrap();
     let message = DatasetLayout::detect(folder.path()).unwrap_err().to_string();
     assert!(message.ends_with(
-        "unknown dataset layout; supported are frames, shards, futurehouse, lighthouse, interiornet, interiorverse, laval-varying, panoramas"
+        "unknown dataset layout; supported are frames, shards, futurehouse, lighthouse, interiornet, interiorverse, hypersim, laval-varying, panoramas"
     ));
     assert!(DatasetLayout::detect(&folder.path().join("nowhere")).is_err());
 }
