@@ -113,7 +113,7 @@ pub struct Args {
     /// Write the photos, their cameras, depth and the positions of their panoramas for other programs, and exit
     ///
     /// The folder gets views.json, which names the panorama wanted for each photo and position.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "profile", "weights", "methods", "make_profile"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "profile", "weights", "methods", "make_profile", "external", "panoramas", "objects"])]
     write_views: Option<PathBuf>,
 
     /// Also score the panoramas of another program, in a folder with views.json; may be repeated
@@ -127,7 +127,7 @@ pub struct Args {
     panoramas: Option<PathBuf>,
 
     /// Also insert three spheres into each photo, lit by each method's first panorama, and compare them with those lit
-    /// by the true one; writes objects.png
+    /// by the true one; writes objects.png; takes several seconds per photo and method
     #[arg(long)]
     objects: bool,
 
@@ -139,7 +139,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 4)]
     walks: u32,
 
-    /// Rows of sheet.png; 0 for no sheet
+    /// Rows of sheet.png and objects.png; 0 for no sheets
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(0..=100))]
     rows: u32,
 
@@ -224,8 +224,8 @@ fn external(text: &str) -> Result<(String, PathBuf), String> {
     if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(is_plain) {
         return Err(format!("the name must have 1 to {MAX_NAME} letters, digits or any of . _ + -"));
     }
-    if all_methods().any(|method| method.name() == name) {
-        return Err(format!("{name} is a method of this program; choose another name"));
+    if name == "truth" || all_methods().any(|method| method.name() == name) {
+        return Err(format!("{name} has a meaning in the tables; choose another name"));
     }
     if folder.is_empty() {
         return Err("expected NAME=DIR".into());
@@ -362,7 +362,7 @@ fn usage(error: EvalError) -> anyhow::Error {
     match error {
         EvalError::NoPhotos { .. } => Usage(format!("{error}; see --split")).into(),
         EvalError::NotInteriorNet { .. } => Usage(format!("--protocol: {error}")).into(),
-        EvalError::External(error) => Usage(format!("--external: {error}")).into(),
+        EvalError::External(error) => Usage(error.to_string()).into(),
         error => error.into(),
     }
 }
@@ -426,7 +426,7 @@ fn list_views(global: &Global, args: &Args, folder: &Path) -> anyhow::Result<()>
         EvalError::Cancelled(_) => anyhow::anyhow!("stopped; {} was not written", list.display()),
         error => usage(error),
     })?;
-    report::print(&format!("{}  {photos} photos", list.display()));
+    report::print(&format!("{}  photos: {photos}", list.display()));
     Ok(())
 }
 

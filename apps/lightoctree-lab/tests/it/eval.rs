@@ -145,18 +145,25 @@ fn panoramas_of_other_programs_are_scored_like_ours() {
     assert!(!read("two/costs.csv").contains("theirs") && read("two/summary.md").contains("| theirs | 2 |"));
 
     // A folder for other programs: nothing is there to score yet.
-    assert!(done(at, &["eval", "rooms", "--split", "all", "--write-views", "views"]).contains("views.json  2 photos"));
+    assert!(done(at, &["eval", "rooms", "--split", "all", "--write-views", "views"]).contains("views.json  photos: 2"));
     let message = refused(at, 2, &["eval", "rooms", "--split", "all", "--write-views", "views"]);
     assert!(message.contains("panoramas beside it may belong to it"), "{message}");
-    run(&["--methods", "mean-colour", "--external", "none=views", "-o", "three"]);
-    assert!(read("three/summary.md").contains("none: not possible on 2 photos: needs a panorama of each view"));
+    let message = refused(at, 1, &[&common[..], &["--external", "none=views", "-o", "three"]].concat());
+    assert!(
+        message.contains("none of the panoramas that views.json lists is there, such as 000001-1.exr"),
+        "{message}"
+    );
+    // One of two photos.
+    std::fs::copy(at.join("kept/network/000002-1.exr"), at.join("views/000002.exr")).unwrap();
+    run(&["--methods", "mean-colour", "--external", "half=views", "-o", "three"]);
+    assert!(read("three/summary.md").contains("half: not possible on 1 photos: needs the panorama of each view"));
     // Panoramas of other photos are not scored in silence.
     done(at, &["synth", "--scenes", "1", "--config", "config.toml", "--seed", "5", "-o", "others"]);
     let message =
         refused(at, 2, &["eval", "others", "--split", "all", "--external", "theirs=kept/network", "-o", "four"]);
     assert!(message.contains("is not listed; the list was written with other options"), "{message}");
     for (option, expected) in [
-        ("network=kept/network", "network is a method of this program"),
+        ("network=kept/network", "network has a meaning in the tables"),
         ("a|b=kept/network", "letters, digits"),
         ("kept/network", "expected NAME=DIR"),
     ] {

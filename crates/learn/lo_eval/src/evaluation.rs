@@ -15,8 +15,8 @@ use crate::insertion::{PhotoObjects, PhotoReference, picture};
 use crate::prior::TWO_PANORAMAS_APART;
 use crate::stages;
 use crate::{
-    Cost, EvalError, External, KnownPanorama, Method, MethodError, MethodOutput, Outcome, Protocol, ProtocolCrops,
-    ProtocolRenders, Report, Scorer, Sheet, Summary, Tools, memory, walk,
+    Cost, EvalError, External, ExternalError, KnownPanorama, Method, MethodError, MethodOutput, Outcome, Protocol,
+    ProtocolCrops, ProtocolRenders, Report, Scorer, Sheet, Summary, Tools, memory, walk,
 };
 
 /// Selects photos of a dataset.
@@ -75,20 +75,26 @@ impl PhotoSelection {
     /// All files store `generator`, the name of the writing program.
     ///
     /// # Errors
-    /// Errors of [`open`](Self::open); unreadable samples; files that cannot be written; [`Cancelled`], which leaves no
-    /// list.
+    /// Errors of [`open`](Self::open); unreadable samples; photos without panoramas; files that cannot be written;
+    /// [`Cancelled`], which leaves no list.
     pub fn write_views(&self, folder: &Path, generator: &str, on_event: OnEvent<'_>) -> Result<usize, EvalError> {
         let (dataset, indices) = self.open()?;
         let mut writer = ViewWriter::create(folder, generator)?;
+        let (photos, mut has_truth) = (indices.len(), false);
         let mut steps = Steps::begin(on_event, stages::WRITE_PHOTOS, indices.len());
         for index in indices {
             if steps.cancelled() {
                 return Err(Cancelled.into());
             }
-            writer.add_photo(&dataset.get(index)?)?;
+            let sample = dataset.get(index)?;
+            has_truth |= !sample.views.is_empty();
+            writer.add_photo(&sample)?;
             steps.step();
         }
         steps.end();
+        if !has_truth {
+            return Err(ExternalError::NoTruth { photos }.into());
+        }
         Ok(writer.finish()?)
     }
 }
@@ -328,7 +334,7 @@ fn insert(reference: &PhotoReference, panoramas: &[RadianceImage], outcome: &mut
 }
 
 /// Requirement of another program's panoramas.
-const PANORAMAS: &str = "a panorama of each view, or one of the photo";
+const PANORAMAS: &str = "the panorama of each view that views.json names, or that of the photo";
 
 /// Runs a method on a photo and returns its outcome and its panoramas.
 fn outcome(

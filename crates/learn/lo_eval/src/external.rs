@@ -3,11 +3,13 @@
 //! [`ViewList`] says which panorama belongs to which photo and position; it is written for other programs, and beside
 //! the panoramas of this program's own methods.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use lo_dataset::{NovelView, Sample};
 use lo_geometry::{Camera, Mat3, Vec3};
-use lo_imaging::{ExrOptions, ImageError, JPEG_QUALITY, RadianceImage, resize_equirectangular};
+use lo_imaging::{ExrOptions, ImageError, JPEG_QUALITY, Photo, PhotoNote, RadianceImage, resize_equirectangular};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::{EstimatedLight, MethodOutput};
@@ -20,6 +22,12 @@ const FORMAT_VERSION: u32 = 1;
 
 /// Largest difference of a camera, position or rotation between a list and the dataset.
 const SAME: f64 = 1e-3;
+
+/// Extensions of panoramas.
+const FORMATS: [&str; 3] = ["exr", "hdr", "pfm"];
+
+/// Largest negative value, as a share of the largest value: lossy files have some just below zero. They become 0.
+const MAX_NEGATIVE: f32 = 1e-3;
 
 /// Photos of an evaluation and the panoramas wanted of them: the contents of [`VIEWS_FILE`].
 ///
@@ -47,16 +55,16 @@ pub struct ListedPhoto {
     /// Horizontal field of view, degrees.
     pub hfov_deg: f64,
     /// Unit up direction of the room in the photo's frame, if known.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<[f32; 3]>,
     /// The photo, 8-bit sRGB.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photo: Option<PathBuf>,
     /// True depth along the optical axis, metres; 0 is no reading.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub true_depth: Option<PathBuf>,
     /// Simulated or measured sensor depth, likewise.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor_depth: Option<PathBuf>,
     /// The one panorama of a program that makes one for all positions, in the photo's frame. It is read where the
     /// panorama of a view is missing.
@@ -110,10 +118,40 @@ pub enum ExternalError {
         /// Its version.
         version: u32,
     },
+    /// The list names a photo twice.
+    #[error("{}: the photo {id} is listed twice", path.display())]
+    Twice {
+        /// The list.
+        path: PathBuf,
+        /// Identifier of the photo.
+        id: String,
+    },
+    /// None of the listed panoramas exists.
+    #[error("{}: none of the panoramas that {VIEWS_FILE} lists is there, such as {}", folder.display(), first.display())]
+    NoPanoramas {
+        /// The folder.
+        folder: PathBuf,
+        /// A listed panorama.
+        first: PathBuf,
+    },
+    /// A file is no panorama of linear radiance.
+    #[error("{}: {reason}", path.display())]
+    Radiance {
+        /// The panorama.
+        path: PathBuf,
+        /// The fault.
+        reason: String,
+    },
+    /// No photo has a panorama to compare with.
+    #[error("none of the {photos} photos has a panorama to compare with")]
+    NoTruth {
+        /// Number of photos.
+        photos: usize,
+    },
     /// The list is of other photos than the evaluation.
     #[error(
-        "{}: {what}; the list was written with other options (dataset, protocol, part, crops, samples or seed) than \
-         this evaluation's", path.display()
+        "{}: {what}; the list was written with other options than this evaluation's (dataset, protocol, part, crops, \
+         field of view, samples or seed)", path.display()
     )]
     OtherPhotos {
         /// The list.
@@ -124,16 +162,6 @@ pub enum ExternalError {
     /// An image cannot be read or written.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// A panorama is not twice as wide as high.
-    #[error("{}: a panorama is twice as wide as high, this has {width} × {height} pixels", path.display())]
-    Aspect {
-        /// The panorama.
-        path: PathBuf,
-        /// Width in pixels.
-        width: usize,
-        /// Height in pixels.
-        height: usize,
-    },
 }
 
 impl ListedPhoto {
@@ -266,7 +294,7 @@ impl External {
     /// Opens a folder with panoramas and their [`VIEWS_FILE`]. `name` is the row in the tables.
     ///
     /// # Errors
-    /// The list cannot be read.
+    /// The list cannot be read; none of its panoramas exists, or one of them is no panorama of linear radiance.
     pub fn open(name: &str, folder: &Path) -> Result<Self, ExternalError> {
         let path = folder.join(VIEWS_FILE);
         let bytes = std::fs::read(&path).map_err(|source| ExternalError::Io { path: path.clone(), source })?;
@@ -275,7 +303,30 @@ impl External {
         if list.format_version != FORMAT_VERSION {
             return Err(ExternalError::Version { path, version: list.format_version });
         }
-        Ok(Self { name: name.to_owned(), folder: folder.to_owned(), list })
+        let mut ids = HashSet::new();
+        if let Some(twice) = list.photos.iter().find(|photo| !ids.insert(&photo.id)) {
+            return Err(ExternalError::Twice { path, id: twice.id.clone() });
+        }
+        let external = Self { name: name.to_owned(), folder: folder.to_owned(), list };
+        external.check()?;
+        Ok(external)
+    }
+
+    /// Checks all panoramas, so that a long evaluation does not end at the last one.
+    fn check(&self) -> Result<(), ExternalError> {
+        let files = |photo: &ListedPhoto| {
+            let views = photo.views.iter().map(|view| view.panorama.clone());
+            std::iter::once(photo.panorama.clone()).chain(views).collect::<Vec<_>>()
+        };
+        let all: Vec<PathBuf> = self.list.photos.iter().flat_map(files).collect();
+        let found = all.par_iter().map(|path| Ok(usize::from(self.read(path)?.is_some())));
+        let found = found.try_reduce(|| 0, |a, b| Ok::<_, ExternalError>(a + b))?;
+        match self.list.photos.first().and_then(|photo| photo.views.first()) {
+            Some(first) if found == 0 => {
+                Err(ExternalError::NoPanoramas { folder: self.folder.clone(), first: first.panorama.clone() })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Returns the name.
@@ -290,11 +341,8 @@ impl External {
     pub(crate) fn entry(&self, sample: &Sample) -> Result<&ListedPhoto, ExternalError> {
         let other = |what: String| ExternalError::OtherPhotos { path: self.folder.join(VIEWS_FILE), what };
         let id = &sample.id;
-        let mut listed = self.list.photos.iter().filter(|photo| photo.id == *id);
-        let photo = listed.next().ok_or_else(|| other(format!("the photo {id} is not listed")))?;
-        if listed.next().is_some() {
-            return Err(other(format!("the photo {id} is listed twice")));
-        }
+        let photo = self.list.photos.iter().find(|photo| photo.id == *id);
+        let photo = photo.ok_or_else(|| other(format!("the photo {id} is not listed")))?;
         if !photo.has_camera_of(sample) {
             return Err(other(format!("the photo {id} has another camera")));
         }
@@ -343,12 +391,27 @@ impl External {
         if !path.exists() {
             return Ok(None);
         }
-        let map = lo_imaging::read_radiance(&path)?;
+        let file = lo_imaging::read_photo(&path)?;
+        let wrong = |reason: String| Err(ExternalError::Radiance { path: path.clone(), reason });
+        let is_radiance = path.extension().is_some_and(|e| FORMATS.iter().any(|known| e.eq_ignore_ascii_case(known)));
+        let (Photo::Linear(map), true) = (file.photo, is_radiance) else {
+            return wrong("a panorama is linear radiance in .exr, .hdr or .pfm".into());
+        };
+        if let Some(PhotoNote::NotFinite { .. }) =
+            file.notes.iter().find(|note| matches!(note, PhotoNote::NotFinite { .. }))
+        {
+            return wrong("it has values that are NaN or infinite".into());
+        }
         let (width, height) = (map.width(), map.height());
         if width != 2 * height {
-            return Err(ExternalError::Aspect { path, width, height });
+            return wrong(format!("a panorama is twice as wide as high, this has {width} × {height} pixels"));
         }
-        Ok(Some(map))
+        let values = || map.pixels().as_flattened().iter().copied();
+        let (least, most) = (values().fold(0.0, f32::min), values().fold(0.0, f32::max));
+        if least < -MAX_NEGATIVE * most {
+            return wrong(format!("it has negative radiance, down to {least}"));
+        }
+        Ok(Some(map.map(|rgb| rgb.map(|v| v.max(0.0)))))
     }
 }
 
@@ -390,7 +453,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let sample = listed(folder.path());
         let open = || External::open("other", folder.path()).unwrap();
-        assert!(open().panoramas(&sample).unwrap().is_none(), "nothing is there yet");
+        let message = External::open("other", folder.path()).unwrap_err().to_string();
+        assert!(message.ends_with("none of the panoramas that views.json lists is there, such as 000001-1.exr"));
         // One for all positions, in the photo's frame.
         write(folder.path(), "000001.exr", &directions(128, 64, Quat::IDENTITY));
         let shared = open().panoramas(&sample).unwrap().unwrap();
@@ -408,9 +472,40 @@ mod tests {
         let mut last = sample.clone();
         last.views.remove(0);
         assert_eq!(open().panoramas(&last).unwrap().unwrap(), both[1..]);
-        write(folder.path(), "000001-2.exr", &directions(96, 64, Quat::IDENTITY));
-        let message = open().panoramas(&sample).unwrap_err().to_string();
-        assert!(message.ends_with("000001-2.exr: a panorama is twice as wide as high, this has 96 × 64 pixels"));
+        // Without the shared one, a photo lacks a panorama where a view does.
+        std::fs::remove_file(folder.path().join("000001.exr")).unwrap();
+        std::fs::remove_file(folder.path().join("000001-2.exr")).unwrap();
+        assert!(open().panoramas(&sample).unwrap().is_none());
+    }
+
+    #[test]
+    fn what_is_no_panorama_of_radiance_is_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        listed(folder.path());
+        let map = |value: f32| {
+            let mut map = directions(64, 32, Quat::IDENTITY);
+            map[(9, 9)] = [value; 3];
+            map
+        };
+        let refusal = |map: &RadianceImage| {
+            write(folder.path(), "000001-2.exr", map);
+            External::open("other", folder.path()).unwrap_err().to_string()
+        };
+        for (message, expected) in [
+            (refusal(&directions(96, 64, Quat::IDENTITY)), "twice as wide as high, this has 96 × 64 pixels"),
+            (refusal(&map(f32::NAN)), "it has values that are NaN or infinite"),
+            (refusal(&map(f32::INFINITY)), "it has values that are NaN or infinite"),
+            (refusal(&map(-0.5)), "it has negative radiance, down to -0.5"),
+        ] {
+            assert!(message.contains("000001-2.exr: ") && message.ends_with(expected), "{message}");
+        }
+        write(folder.path(), "000001-2.exr", &map(-1e-6));
+        External::open("other", folder.path()).unwrap();
+        // A tone-mapped picture by the name of an OpenEXR file.
+        let photo = std::fs::read(folder.path().join("000001-photo.png")).unwrap();
+        std::fs::write(folder.path().join("000001-2.exr"), photo).unwrap();
+        let message = External::open("other", folder.path()).unwrap_err().to_string();
+        assert!(message.ends_with("a panorama is linear radiance in .exr, .hdr or .pfm"), "{message}");
     }
 
     #[test]
@@ -438,6 +533,7 @@ mod tests {
     fn lists_of_other_photos_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let sample = listed(folder.path());
+        write(folder.path(), "000001.exr", &directions(64, 32, Quat::IDENTITY));
         let external = External::open("other", folder.path()).unwrap();
         let refusal = |change: fn(&mut Sample)| {
             let mut other = sample.clone();
@@ -457,6 +553,10 @@ mod tests {
             External::open("other", folder.path()).map(drop).unwrap_err().to_string()
         };
         assert!(open(&text.replace("\"format_version\": 1", "\"format_version\": 2")).contains("expected 1"));
+        let mut list: ViewList = serde_json::from_str(&text).unwrap();
+        list.photos.push(list.photos[0].clone());
+        let twice = open(&serde_json::to_string(&list).unwrap());
+        assert!(twice.ends_with("views.json: the photo room-0 is listed twice"), "{twice}");
         assert!(open("[]").contains("not a list of views, as written by --write-views"));
         std::fs::remove_file(&path).unwrap();
         assert!(External::open("other", folder.path()).unwrap_err().to_string().contains(VIEWS_FILE));

@@ -33,8 +33,11 @@ impl Report {
         if !self.objects.is_empty() {
             order += &format!("objects.png, from left to right: photo, lit by the truth, {methods}\n\n");
         }
+        if self.photos < self.asked {
+            order += &format!("**Incomplete**: {} of {} photos\n\n", self.photos, self.asked);
+        }
         for (reason, count) in &self.without_objects {
-            order += &format!("no objects in {count} photos: {reason}\n\n");
+            order += &format!("photos without objects: {count}, {reason}\n\n");
         }
         order + &self.summary.markdown() + &self.summary.cost_markdown()
     }
@@ -111,6 +114,8 @@ mod tests {
         );
         let costs = format!("photo,method,estimate_s,panorama_s,peak_mib\n{name},network,1.500000,0.250000,99.0\n");
         assert_eq!(report.costs_csv(), costs);
-        assert!(report.markdown().starts_with("sheet.png, from left to right: photo, truth, network\n\n###"));
+        assert!(report.markdown().starts_with(
+            "sheet.png, from left to right: photo, truth, network\n\n**Incomplete**: 1 of 2 photos\n\n###"
+        ));
     }
 }

@@ -93,7 +93,9 @@ impl Study<'_> {
     fn missing(&self, folder: &Path, room: &PlannedRoom) -> Vec<MissingFrames<'_>> {
         let videos = self.key().videos.iter().filter(|video| video.room == room.id);
         let with_frames = videos.zip(self.methods.all()).map(|(video, method)| {
-            let is_missing = |frame: &u32| !frame_path(folder, &video.id, *frame).exists();
+            // A frame is written as a whole, but power can fail before its contents are on the disk.
+            let has_bytes = |path: PathBuf| std::fs::metadata(path).is_ok_and(|metadata| metadata.len() > 0);
+            let is_missing = |frame: &u32| !has_bytes(frame_path(folder, &video.id, *frame));
             MissingFrames { video, method, frames: (0..self.config.frames).filter(is_missing).collect() }
         });
         with_frames.filter(|video| !video.frames.is_empty()).collect()

@@ -13,7 +13,7 @@ use super::splits::PublishedSplits;
 use crate::sample::Metadata;
 use crate::{Dataset, DatasetError, Record, Sample, Shot, Split, evenly_spread};
 
-/// Lists beside the scenes; both are in the authors' repository, the second one is optional.
+/// Lists beside the scenes; both are in the authors' repository.
 const CAMERAS: &str = "metadata_camera_parameters.csv";
 const SPLIT: &str = "metadata_images_split_scene_v1.csv";
 
@@ -123,13 +123,15 @@ impl Hypersim {
     /// # Errors
     /// If a folder or list cannot be read, a scene has no cameras, or there is no frame.
     pub fn open(folder: &Path, photo: PhotoModel, seed: u64) -> Result<Self, DatasetError> {
+        let scenes: Vec<PathBuf> =
+            folders(folder)?.into_iter().filter(|scene| scene.join("_detail").is_dir()).collect();
+        if scenes.is_empty() {
+            return Err(DatasetError::layout(folder, "contains no scene: ai_VVV_NNN with _detail and images"));
+        }
         let lenses = lenses(&folder.join(CAMERAS))?;
         let (splits, excluded) = published(&folder.join(SPLIT))?;
         let (mut trajectories, mut left_out) = (Vec::new(), 0);
-        for scene in folders(folder)? {
-            if !scene.join("_detail").is_dir() {
-                continue;
-            }
+        for scene in scenes {
             let id = name(&scene);
             let lens = lenses.get(&id).ok_or_else(|| {
                 DatasetError::field(&folder.join(CAMERAS), "scene_name", format!("there is no line of {id}"))
@@ -149,23 +151,19 @@ impl Hypersim {
         let numbered = trajectories.iter().enumerate();
         let samples: Vec<(u32, u32)> =
             numbered.flat_map(|(t, all)| (0..all.frames.len()).map(move |f| (t as u32, f as u32))).collect();
-        match samples.is_empty() {
-            true => {
+        match (samples.is_empty(), left_out) {
+            (true, 0) => {
                 Err(DatasetError::layout(folder, "contains no ai_VVV_NNN/images/scene_cam_XX_final_hdf5/*.color.hdf5"))
             }
-            false => Ok(Self { trajectories, samples, splits, left_out, photo, seed }),
+            (true, _) => Err(DatasetError::layout(folder, format!("all frames are left out: {left_out}"))),
+            (false, _) => Ok(Self { trajectories, samples, splits, left_out, photo, seed }),
         }
     }
 }
 
 /// Reads the lens of each scene; `None` for those that are no pinhole camera.
 fn lenses(path: &Path) -> Result<HashMap<String, Option<Lens>>, DatasetError> {
-    if !path.is_file() {
-        let reason = "is missing: each scene has its own lens. It is contrib/mikeroberts3000/metadata_camera_parameters.csv \
-                      of github.com/apple/ml-hypersim";
-        return Err(DatasetError::layout(path, reason));
-    }
-    let (columns, rows) = table(path)?;
+    let (columns, rows) = list(path, "each scene has its own lens", "contrib/mikeroberts3000")?;
     let column = |wanted: &str| {
         columns.iter().position(|name| name == wanted).ok_or_else(|| DatasetError::field(path, wanted, "is missing"))
     };
@@ -188,13 +186,10 @@ fn lenses(path: &Path) -> Result<HashMap<String, Option<Lens>>, DatasetError> {
 /// Scene, trajectory and number of excluded frames.
 type Excluded = HashSet<(String, String, usize)>;
 
-/// Reads the published split and the frames that it excludes; nothing without the list.
+/// Reads the published split and the frames that it excludes.
 fn published(path: &Path) -> Result<(PublishedSplits, Excluded), DatasetError> {
     let (mut splits, mut excluded) = (PublishedSplits::default(), Excluded::new());
-    if !path.is_file() {
-        return Ok((splits, excluded));
-    }
-    let (columns, rows) = table(path)?;
+    let (columns, rows) = list(path, "it excludes unusable frames", "evermotion_dataset/analysis")?;
     let column = |wanted: &str| {
         columns.iter().position(|name| name == wanted).ok_or_else(|| DatasetError::field(path, wanted, "is missing"))
     };
@@ -203,20 +198,32 @@ fn published(path: &Path) -> Result<(PublishedSplits, Excluded), DatasetError> {
     let (scene, camera, frame, included, part) = (scene?, camera?, frame?, included?, part?);
     for (number, row) in rows.iter().enumerate() {
         let cell = |index: usize| row.get(index).unwrap_or_default().trim();
-        if cell(included) == "False" {
-            let frame = cell(frame).parse();
-            let frame = frame.map_err(|error| DatasetError::field(path, format!("line {}", number + 2), error))?;
-            excluded.insert((cell(scene).to_owned(), cell(camera).to_owned(), frame));
-        }
-        let split = match cell(part) {
-            "train" => Split::Train,
-            "val" => Split::Validation,
-            "test" => Split::Test,
-            _ => continue,
+        let wrong = |reason: String| DatasetError::field(path, format!("line {}", number + 2), reason);
+        let split = match (cell(included), cell(part)) {
+            ("True", "train") => Split::Train,
+            ("True", "val") => Split::Validation,
+            ("True", "test") => Split::Test,
+            ("False", _) => {
+                let frame = cell(frame).parse().map_err(|error| wrong(format!("frame {}: {error}", cell(frame))))?;
+                excluded.insert((cell(scene).to_owned(), cell(camera).to_owned(), frame));
+                continue;
+            }
+            (included, part) => return Err(wrong(format!("included `{included}`, part `{part}`"))),
         };
-        splits.assign(cell(scene), split);
+        if splits.assign(cell(scene), split).is_some_and(|before| before != split) {
+            return Err(wrong(format!("{} is in two parts", cell(scene))));
+        }
     }
     Ok((splits, excluded))
+}
+
+/// Reads a list of the authors' repository.
+fn list(path: &Path, why: &str, folder: &str) -> Result<(Vec<String>, Vec<csv::StringRecord>), DatasetError> {
+    if !path.is_file() {
+        let reason = format!("is missing: {why}. It is in {folder} of github.com/apple/ml-hypersim");
+        return Err(DatasetError::layout(path, reason));
+    }
+    table(path)
 }
 
 /// Reads a CSV file: names of the columns, and rows.

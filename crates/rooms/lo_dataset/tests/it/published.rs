@@ -362,10 +362,12 @@ fn hypersim_in_its_published_layout() {
         assert_eq!((sample.points.len(), sample.depth_m.as_ref().unwrap()[(2, 2)]), (4 * 48 - 4, 0.0));
     }
 
-    let cameras = folder.path().join("metadata_camera_parameters.csv");
-    std::fs::remove_file(&cameras).unwrap();
-    let error = open().err().unwrap().to_string();
-    assert!(error.contains("metadata_camera_parameters.csv") && error.contains("ml-hypersim"), "{error}");
+    // Both lists are needed.
+    for list in ["metadata_images_split_scene_v1.csv", "metadata_camera_parameters.csv"] {
+        std::fs::remove_file(folder.path().join(list)).unwrap();
+        let error = open().err().unwrap().to_string();
+        assert!(error.contains(&format!("{list}: is missing")) && error.contains("ml-hypersim"), "{error}");
+    }
 }
 
 #[test]
@@ -378,6 +380,18 @@ fn hypersim_errors_name_the_file_and_the_field() {
     std::fs::write(&depth, b"\x89HDF\r\n\x1a\n and nothing else").unwrap();
     let error = open().unwrap().get(1).unwrap_err().to_string();
     assert!(error.starts_with(&format!("{}: dataset: ", depth.display())), "{error}");
+    let list = folder.path().join("metadata_images_split_scene_v1.csv");
+    let text = std::fs::read_to_string(&list).unwrap();
+    for (changed, expected) in [
+        (text.replace(",4,True,,train", ",4,True,,test"), "line 6: ai_001_001 is in two parts"),
+        (text.replace(",3,True", ",3,maybe"), "line 5: included `maybe`, part `train`"),
+        (text.replace(",True,,train", ",False,,"), "all frames are left out: 7"),
+    ] {
+        std::fs::write(&list, changed).unwrap();
+        let error = open().err().unwrap().to_string();
+        assert!(error.ends_with(expected), "{error}");
+    }
+    std::fs::write(&list, text).unwrap();
     let metadata = scene.join("_detail/metadata_scene.csv");
     std::fs::write(&metadata, "parameter_name,parameter_value\nmeters_per_asset_unit,-1\n").unwrap();
     let error = open().err().unwrap().to_string();
