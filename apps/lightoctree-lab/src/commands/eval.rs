@@ -321,7 +321,9 @@ fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<Photo
 fn check_objects(tools: &Tools) -> Result<(), Usage> {
     match tools.estimator.networks() {
         Some(_) => Ok(()),
-        None => Err(Usage("--objects requires --weights FILE, to estimate the rooms that they stand in".into())),
+        None => {
+            Err(Usage("--objects requires --weights FILE: the networks estimate the surface under the objects".into()))
+        }
     }
 }
 

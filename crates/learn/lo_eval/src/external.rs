@@ -314,15 +314,12 @@ impl External {
 
     /// Checks all panoramas, so that a long evaluation does not end at the last one.
     fn check(&self) -> Result<(), ExternalError> {
-        let files = |photo: &ListedPhoto| {
-            let views = photo.views.iter().map(|view| view.panorama.clone());
-            std::iter::once(photo.panorama.clone()).chain(views).collect::<Vec<_>>()
-        };
-        let all: Vec<PathBuf> = self.list.photos.iter().flat_map(files).collect();
-        let found = all.par_iter().map(|path| Ok(usize::from(self.read(path)?.is_some())));
-        let found = found.try_reduce(|| 0, |a, b| Ok::<_, ExternalError>(a + b))?;
+        let views = self.list.photos.iter().flat_map(|photo| &photo.views).map(|view| &view.panorama);
+        let all: Vec<&PathBuf> = self.list.photos.iter().map(|photo| &photo.panorama).chain(views).collect();
+        let found = all.into_par_iter().map(|path| self.read(path).map(|map| map.is_some()));
+        let is_any = found.try_reduce(|| false, |a, b| Ok(a || b))?;
         match self.list.photos.first().and_then(|photo| photo.views.first()) {
-            Some(first) if found == 0 => {
+            Some(first) if !is_any => {
                 Err(ExternalError::NoPanoramas { folder: self.folder.clone(), first: first.panorama.clone() })
             }
             _ => Ok(()),
@@ -397,9 +394,7 @@ impl External {
         let (Photo::Linear(map), true) = (file.photo, is_radiance) else {
             return wrong("a panorama is linear radiance in .exr, .hdr or .pfm".into());
         };
-        if let Some(PhotoNote::NotFinite { .. }) =
-            file.notes.iter().find(|note| matches!(note, PhotoNote::NotFinite { .. }))
-        {
+        if file.notes.iter().any(|note| matches!(note, PhotoNote::NotFinite { .. })) {
             return wrong("it has values that are NaN or infinite".into());
         }
         let (width, height) = (map.width(), map.height());
