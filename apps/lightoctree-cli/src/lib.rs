@@ -16,6 +16,7 @@ pub mod report;
 pub mod usage;
 mod warning_text;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
@@ -26,23 +27,32 @@ use usage::Usage;
 
 /// Runs the program: parses the command line, runs the command and returns the exit code.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    program(&cli.global, || run(&cli))
+    main_with(std::env::args_os()).into()
+}
+
+/// Like [`main`], for a given command line. Its first element is the name of the program.
+pub fn main_with(args: impl IntoIterator<Item = OsString>) -> u8 {
+    let cli = Cli::parse_from(args);
+    exit_code(&cli.global, || run(&cli))
 }
 
 /// Starts log, threads and the Ctrl-C handler, runs a job, prints its error and returns the exit code.
 pub fn program(global: &Global, job: impl FnOnce() -> anyhow::Result<()>) -> ExitCode {
+    exit_code(global, job).into()
+}
+
+fn exit_code(global: &Global, job: impl FnOnce() -> anyhow::Result<()>) -> u8 {
     start_log(global);
     if let Err(error) = start_threads(global.threads) {
         eprintln!("error: {error:#}");
-        return ExitCode::from(2);
+        return 2;
     }
     interrupt::install();
     match job() {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(error) => {
             eprintln!("error: {}", message(&error));
-            ExitCode::from(if error.is::<Usage>() { 2 } else { 1 })
+            if error.is::<Usage>() { 2 } else { 1 }
         }
     }
 }

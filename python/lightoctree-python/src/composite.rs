@@ -1,0 +1,79 @@
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use lightoctree::imaging::{self, ExrOptions};
+use lightoctree::insert;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use crate::arrays::{self, grey, rgb};
+use crate::errors::Failure;
+use crate::preview::png;
+use crate::signature;
+
+/// A photo with inserted objects, and its layers.
+#[pyclass(frozen, module = "lightoctree")]
+pub struct Composite(Arc<insert::Composite>);
+
+impl Composite {
+    /// Wraps a composite.
+    pub fn new(composite: insert::Composite) -> Self {
+        Self(Arc::new(composite))
+    }
+}
+
+#[pymethods]
+impl Composite {
+    /// The image, read-only, [H, W, 3]: uint8 like an 8-bit photo, else linear float32.
+    ///
+    /// Pixels that the objects do not change are the photo's.
+    #[getter]
+    fn image<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        arrays::photo(py, &self.0, |composite| &composite.image)
+    }
+
+    /// The layers by name, read-only float32 arrays: `object` (premultiplied radiance) and `shadow_ratio` [H, W, 3],
+    /// `alpha` and `occlusion` [H, W], and with a glossy floor `reflection` [H, W, 3].
+    ///
+    /// The image is (photo · shadow_ratio + reflection) · (1 − alpha) + object, in linear light.
+    #[getter]
+    fn layers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let layers = PyDict::new(py);
+        layers.set_item("object", arrays::view(py, &self.0, |composite| rgb(&composite.object))?)?;
+        layers.set_item("alpha", arrays::view(py, &self.0, |composite| grey(&composite.alpha))?)?;
+        layers.set_item("shadow_ratio", arrays::view(py, &self.0, |composite| rgb(&composite.shadow_ratio))?)?;
+        layers.set_item("occlusion", arrays::view(py, &self.0, |composite| grey(&composite.occlusion))?)?;
+        if self.0.reflection.is_some() {
+            let reflection = arrays::view(py, &self.0, |composite| match &composite.reflection {
+                Some(image) => rgb(image),
+                None => (&[][..], vec![0, 0, 3]),
+            })?;
+            layers.set_item("reflection", reflection)?;
+        }
+        Ok(layers)
+    }
+
+    /// Writes the image to a .png, .jpg, .exr, .hdr or .pfm file, with the photo's colour profile and metadata.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let written = py.detach(|| imaging::write_photo(path, &self.0.image, &signature("insert")));
+        written.map_err(|error| Failure::from(error).raise(py))
+    }
+
+    /// Writes the layers to an .exr file.
+    fn save_layers(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let write = || {
+            let size = (self.0.alpha.width(), self.0.alpha.height());
+            let options = ExrOptions { generator: signature("insert"), ..ExrOptions::default() };
+            lo_imaging::write_exr(path, size, &self.0.channels(), &options)
+        };
+        py.detach(write).map_err(|error| Failure::from(error).raise(py))
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        png(py, &self.0.image)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<lightoctree.Composite: {} × {} pixels>", self.0.image.width(), self.0.image.height())
+    }
+}

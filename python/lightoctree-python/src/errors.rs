@@ -1,0 +1,137 @@
+use std::error::Error;
+use std::io;
+
+use lightoctree::imaging::ImageError;
+use lightoctree::insert::InsertError;
+use lightoctree::lights::LightsError;
+use lightoctree::{CheckpointError, DocumentError, EstimateError, LightingError, ModelError, PanoramaError};
+use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::prelude::*;
+
+/// The end of a job without a result.
+pub enum Failure {
+    /// An error of the library, raised as the exception class of this name.
+    Library(&'static str, Box<dyn Error + Send + Sync>),
+    /// An argument that cannot be used, raised as `ValueError`.
+    Argument(String),
+    /// The job noticed that its caller has left.
+    Cancelled,
+}
+
+impl Failure {
+    /// Wraps an error of the library that is raised as the class of this name.
+    pub fn new(class: &'static str, error: impl Error + Send + Sync + 'static) -> Self {
+        Self::Library(class, Box::new(error))
+    }
+
+    /// Wraps an error of an argument, with its name.
+    pub fn argument(name: &str, error: impl std::fmt::Display) -> Self {
+        Self::Argument(format!("{name}: {error}"))
+    }
+
+    /// Converts it to a Python exception: `OSError` and its subclasses for errors of the operating system, else the
+    /// library's own class.
+    pub fn raise(self, py: Python<'_>) -> PyErr {
+        match self {
+            Self::Library(class, error) => match os_error(&*error) {
+                Some(code) => {
+                    let text = message(&*error).replace(&format!(" (os error {code})"), "");
+                    PyOSError::new_err((code, text))
+                }
+                None => of_class(py, class, message(&*error)),
+            },
+            Self::Argument(text) => PyValueError::new_err(text),
+            Self::Cancelled => of_class(py, "LightOctreeError", "cancelled".to_owned()),
+        }
+    }
+}
+
+/// Creates an exception of the package.
+pub fn of_class(py: Python<'_>, class: &str, message: String) -> PyErr {
+    match py.import("lightoctree._errors").and_then(|module| module.getattr(class)?.call1((message,))) {
+        Ok(exception) => PyErr::from_value(exception),
+        Err(error) => error,
+    }
+}
+
+/// Returns the code of the first error of the operating system in the chain of causes.
+fn os_error(error: &(dyn Error + 'static)) -> Option<i32> {
+    causes(error).find_map(|cause| cause.downcast_ref::<io::Error>()?.raw_os_error())
+}
+
+/// Joins the chain of causes, without those that the text before them already contains.
+fn message(error: &(dyn Error + 'static)) -> String {
+    let mut text = String::new();
+    for cause in causes(error).map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
+    std::iter::successors(Some(error), |&error| error.source())
+}
+
+impl From<EstimateError> for Failure {
+    fn from(error: EstimateError) -> Self {
+        match error {
+            EstimateError::Cancelled(_) => Self::Cancelled,
+            error => Self::new("EstimateError", error),
+        }
+    }
+}
+
+impl From<InsertError> for Failure {
+    fn from(error: InsertError) -> Self {
+        match error {
+            InsertError::Cancelled(_) => Self::Cancelled,
+            error => Self::new("InsertError", error),
+        }
+    }
+}
+
+impl From<ModelError> for Failure {
+    fn from(error: ModelError) -> Self {
+        Self::new("InsertError", error)
+    }
+}
+
+impl From<ImageError> for Failure {
+    fn from(error: ImageError) -> Self {
+        Self::new("ImageError", error)
+    }
+}
+
+impl From<PanoramaError> for Failure {
+    fn from(error: PanoramaError) -> Self {
+        Self::new("ImageError", error)
+    }
+}
+
+impl From<DocumentError> for Failure {
+    fn from(error: DocumentError) -> Self {
+        Self::new("SceneError", error)
+    }
+}
+
+impl From<LightingError> for Failure {
+    fn from(error: LightingError) -> Self {
+        Self::new("LightsError", error)
+    }
+}
+
+impl From<LightsError> for Failure {
+    fn from(error: LightsError) -> Self {
+        Self::new("LightsError", error)
+    }
+}
+
+impl From<CheckpointError> for Failure {
+    fn from(error: CheckpointError) -> Self {
+        Self::new("EstimateError", error)
+    }
+}

@@ -1,0 +1,119 @@
+use lightoctree::Document;
+use lightoctree::geometry::Vec3;
+use lightoctree::lights::{LightChange, LightColor, LightEdits, LightKind, LightOrigin, LightsError, ListedLight};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::errors::Failure;
+
+/// A colour as Python passes it: kelvin, or linear RGB.
+#[derive(FromPyObject)]
+pub enum Color {
+    /// Colour temperature in kelvin.
+    Kelvin(f32),
+    /// Linear Rec. 709 RGB.
+    Rgb([f32; 3]),
+}
+
+/// Converts a value to a class of `lightoctree._types` that has its fields.
+pub fn of_json<'py>(py: Python<'py>, class: &str, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
+    of_fields(class, &fields(py, value)?)
+}
+
+/// Converts an entry of the list of lights.
+pub fn listed<'py>(py: Python<'py>, light: &ListedLight) -> PyResult<Bound<'py, PyAny>> {
+    let fields = fields(py, light)?;
+    // Files and `lights --json` keep former names of the origins.
+    fields.set_item("origin", origin(light.origin))?;
+    if let Some(change) = light.change {
+        fields.set_item("change", change_of(py, change)?)?;
+    }
+    of_fields("Light", &fields)
+}
+
+fn change_of<'py>(py: Python<'py>, change: LightChange) -> PyResult<Bound<'py, PyAny>> {
+    let LightChange { on, scale, color, at_m } = change;
+    let fields = PyDict::new(py);
+    fields.set_item("on", on)?;
+    fields.set_item("scale", scale)?;
+    match color {
+        Some(LightColor::Kelvin(kelvin)) => fields.set_item("color", kelvin)?,
+        Some(LightColor::Rgb([r, g, b])) => fields.set_item("color", (r, g, b))?,
+        None => {}
+    }
+    fields.set_item("at_m", at_m.map(|at| (at.x, at.y, at.z)))?;
+    of_fields("LightChange", &fields)
+}
+
+fn fields<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyDict>> {
+    let json =
+        serde_json::to_string(value).map_err(|error| pyo3::exceptions::PyRuntimeError::new_err(error.to_string()))?;
+    Ok(py.import("json")?.call_method1("loads", (json,))?.cast_into()?)
+}
+
+fn of_fields<'py>(class: &str, fields: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+    fields.py().import("lightoctree._types")?.getattr(class)?.call_method1("_of", (fields,))
+}
+
+fn origin(origin: LightOrigin) -> &'static str {
+    match origin {
+        LightOrigin::Observed => "observed",
+        LightOrigin::Panorama => "panorama",
+        LightOrigin::Inferred => "inferred",
+        LightOrigin::Added => "added",
+    }
+}
+
+/// Changes a light as the command `lights set` does.
+pub fn change(
+    document: &mut Document,
+    id: &str,
+    on: Option<bool>,
+    scale: Option<f32>,
+    color: Option<Color>,
+    at: Option<Vec3>,
+) -> Result<(), Failure> {
+    let lights = document.lights();
+    let light = find(&lights, id)?;
+    if at.is_some() && light.kind == LightKind::Sun {
+        return Err(Failure::Argument(format!("at: {id} is a sun, which has no position")));
+    }
+    let before = document.light_edits.change_of(id);
+    let color = color.map(|color| match color {
+        Color::Kelvin(kelvin) => LightColor::Kelvin(kelvin),
+        Color::Rgb(rgb) => LightColor::Rgb(rgb),
+    });
+    let change = LightChange {
+        on: on.unwrap_or(before.on),
+        scale: scale.unwrap_or(before.scale),
+        color: color.or(before.color),
+        at_m: at.or(before.at_m),
+    };
+    if let Some(what) = change.invalid_field() {
+        return Err(Failure::Argument(format!("{what} is out of range")));
+    }
+    if document.light_edits.change(id, light.position_m.unwrap_or(Vec3::ZERO), change) {
+        Ok(())
+    } else {
+        Err(Failure::Argument("the scene already has the maximum of edited lights".to_owned()))
+    }
+}
+
+/// Undoes the edits of a light, or all edits, as the command `lights reset` does.
+pub fn reset(document: &mut Document, id: Option<&str>) -> Result<(), Failure> {
+    let Some(id) = id else {
+        document.light_edits = LightEdits::default();
+        return Ok(());
+    };
+    // A light that no longer exists can still be reset.
+    if !document.light_edits.emitters.iter().any(|edit| edit.id == id) {
+        find(&document.lights(), id)?;
+    }
+    let _ = document.light_edits.change(id, Vec3::ZERO, LightChange::NONE);
+    Ok(())
+}
+
+fn find<'a>(lights: &'a [ListedLight], id: &str) -> Result<&'a ListedLight, LightsError> {
+    let known = || lights.iter().map(|light| light.id.clone()).collect();
+    lights.iter().find(|light| light.id == id).ok_or_else(|| LightsError::Unknown { id: id.to_owned(), known: known() })
+}

@@ -1,0 +1,364 @@
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use lightoctree::cone::Rendering;
+use lightoctree::geometry::Vec3;
+use lightoctree::imaging::{self, Sh9};
+use lightoctree::insert::surface_at_pixel;
+use lightoctree::{Document, InferredLight, LevelFrame, LightMode, LightPurpose, LightTuning, LitScene, SceneRenderer};
+use lightoctree_cli::commands::environment::unusual_position;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::choice::{self, point};
+use crate::composite::Composite;
+use crate::errors::Failure;
+use crate::insert::Insertion;
+use crate::job::{self, Reporter};
+use crate::lights::{self, Color};
+use crate::octree::Octree;
+use crate::preview::png;
+use crate::{arrays, signature};
+
+/// Width and height of a panorama in pixels, as of the command `envmap`.
+const SIZE: (usize, usize) = (512, 256);
+
+/// Largest width of a panorama in pixels.
+const MAX_WIDTH: usize = 16_384;
+
+/// Name in the signature of scene files, as of the command that writes them.
+const COMMAND: &str = "estimate";
+
+/// A vector as a tuple.
+type Vector = (f32, f32, f32);
+
+/// The light of a room: its octree of radiance, the photo with depth and camera, edits of lights and inserted objects.
+///
+/// Positions are in metres in the camera's frame: +X right, +Y up, and the camera at the origin looks along −Z.
+/// Radiance is linear Rec. 709; 1 is the photo's white.
+#[pyclass(frozen, module = "lightoctree")]
+pub struct Scene {
+    state: Mutex<State>,
+}
+
+/// A document, and what was prepared to render it.
+#[derive(Clone)]
+struct State {
+    document: Document,
+    renderer: Option<(InferredLight, Arc<Renderer>)>,
+}
+
+/// A scene in one light for panoramas.
+struct Renderer {
+    lit: LitScene,
+    scene: SceneRenderer,
+}
+
+impl Scene {
+    /// Wraps a document.
+    pub fn new(document: Document) -> Self {
+        Self { state: Mutex::new(State { document, renderer: None }) }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        // A panic while it was held has changed nothing: edits are complete values.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns a copy of the document, which shares the estimate.
+    fn document(&self) -> Document {
+        self.state().document.clone()
+    }
+}
+
+#[pymethods]
+impl Scene {
+    /// Reads a .scene file.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let document = py.detach(|| Document::read(path));
+        document.map(Self::new).map_err(|error| Failure::from(error).raise(py))
+    }
+
+    /// Reads a scene from the bytes of a .scene file.
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
+        let document = py.detach(|| Document::from_bytes(data));
+        document.map(Self::new).map_err(|error| Failure::from(error).raise(py))
+    }
+
+    /// Writes a .scene file, as the command `estimate` does.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let document = self.document();
+        py.detach(|| document.write(path, &signature(COMMAND))).map_err(|error| Failure::from(error).raise(py))
+    }
+
+    /// Returns the bytes of the .scene file.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let document = self.document();
+        let bytes = py.detach(|| document.to_bytes(&signature(COMMAND)));
+        Ok(PyBytes::new(py, &bytes.map_err(|error| Failure::from(error).raise(py))?))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        Ok((slf.get_type().getattr("from_bytes")?, (slf.get().to_bytes(slf.py())?,)))
+    }
+
+    /// Renders the HDR panorama at a position: equirectangular, float32 [H, W, 3].
+    ///
+    /// Its centre faces −Z, and +Y is up. `size` is (width, height); the width is twice the height. With `level`,
+    /// gravity points straight down in it. `light` is "even", "expected" or "plausible"; by default that of the scene,
+    /// else "expected".
+    #[pyo3(
+        signature = (at, size = SIZE, level = false, *, light = None),
+        text_signature = "($self, at, size=(512, 256), level=False, *, light=None)"
+    )]
+    fn environment<'py>(
+        &self,
+        py: Python<'py>,
+        at: [f64; 3],
+        size: (usize, usize),
+        level: bool,
+        light: Option<&str>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        arrays::of_rgb(py, self.panorama(py, at, size, level, light)?.radiance)
+    }
+
+    /// Returns nine spherical harmonics of the light at a position: float32 [9, 3], in the order and with the
+    /// constants of Ramamoorthi and Hanrahan (2001).
+    #[pyo3(signature = (at, level = false, *, light = None))]
+    fn sh9<'py>(&self, py: Python<'py>, at: [f64; 3], level: bool, light: Option<&str>) -> PyResult<Bound<'py, PyAny>> {
+        let panorama = self.panorama(py, at, SIZE, level, light)?;
+        arrays::of_rows(py, Sh9::project(&panorama.radiance).coefficients.to_vec())
+    }
+
+    /// Returns the light that contributes the most power at a position; None if nothing stands out.
+    #[pyo3(signature = (at, level = false, *, light = None))]
+    fn main_light<'py>(
+        &self,
+        py: Python<'py>,
+        at: [f64; 3],
+        level: bool,
+        light: Option<&str>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let panorama = self.panorama(py, at, SIZE, level, light)?;
+        let found = py.detach(|| imaging::main_light(&panorama.radiance));
+        found.map(|light| lights::of_json(py, "MainLight", &light)).transpose()
+    }
+
+    /// Returns the position of the observed surface at a pixel of the photo, and its unit normal.
+    fn surface_at_pixel(&self, py: Python<'_>, pixel: [f64; 2]) -> PyResult<(Vector, Vector)> {
+        let (estimate, [u, v]) = (self.document().estimate, pixel);
+        let surface = py.detach(|| surface_at_pixel(&estimate, u, v));
+        let (position_m, normal) = surface.map_err(|error| Failure::from(error).raise(py))?;
+        Ok((position_m.into(), normal.into()))
+    }
+
+    /// Inserts objects into the photo, as the command `insert` does.
+    ///
+    /// Parameters
+    /// ----------
+    /// objects
+    ///     A dictionary or several, with the fields of docs/layout.md, such as
+    ///     {"mesh": "chair.glb", "pixel": (960, 1100), "height_m": 0.9, "material": "gold"}; or a file with such a list.
+    ///     Built-in meshes are "builtin:sphere", "builtin:suzanne" and "builtin:tea-set". Default: the objects saved in
+    ///     the scene.
+    /// quality
+    ///     "draft", "normal" or "high".
+    /// light
+    ///     "even", "expected" or "plausible". Default: that of the scene, else "plausible".
+    /// floor_gloss
+    ///     Gloss of the surface under an object, from 0 to 1. Default: 0, or that saved with the scene's own objects.
+    /// on_event
+    ///     As for `estimate`.
+    #[pyo3(signature = (objects = None, *, quality = "normal", light = None, floor_gloss = None, on_event = None))]
+    fn insert(
+        &self,
+        py: Python<'_>,
+        objects: Option<&Bound<'_, PyAny>>,
+        quality: &str,
+        light: Option<&str>,
+        floor_gloss: Option<f64>,
+        on_event: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Composite> {
+        if let Some(gloss) = floor_gloss.filter(|gloss| !(0.0..=1.0).contains(gloss)) {
+            return Err(PyValueError::new_err(format!("floor_gloss must be from 0 to 1, not {gloss}")));
+        }
+        let quality = choice::quality(quality)?;
+        let mut document = self.document();
+        choose_light(&mut document, light)?;
+        let insertion = Insertion::new(py, document, objects, quality, floor_gloss)?;
+        job::run(py, on_event, |reporter| insertion.run(reporter)).map(Composite::new)
+    }
+
+    /// The lights of the room with their edits, the strongest first, and the lights that the user added.
+    #[getter]
+    fn lights<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        let document = self.document();
+        let listed = py.detach(|| document.lights());
+        listed.iter().map(|light| lights::listed(py, light)).collect()
+    }
+
+    /// Changes a light of `lights` by its name. What is not given stays as it is.
+    ///
+    /// `scale` is a factor on its radiance, `color` a temperature in kelvin or linear (r, g, b), `at` its new position.
+    #[pyo3(signature = (id, *, on = None, scale = None, color = None, at = None))]
+    fn set_light(
+        &self,
+        py: Python<'_>,
+        id: &str,
+        on: Option<bool>,
+        scale: Option<f32>,
+        color: Option<Color>,
+        at: Option<[f64; 3]>,
+    ) -> PyResult<()> {
+        let at = at.map(|at| point("at", at)).transpose()?;
+        self.edit(py, |document| lights::change(document, id, on, scale, color, at))
+    }
+
+    /// Undoes the edits of a light, or all edits, with the choice of light and the added lights.
+    #[pyo3(signature = (id = None))]
+    fn reset_lights(&self, py: Python<'_>, id: Option<&str>) -> PyResult<()> {
+        self.edit(py, |document| lights::reset(document, id))
+    }
+
+    /// The octree of radiance as estimated, without edits of lights and expected light.
+    #[getter]
+    fn octree(&self) -> Octree {
+        Octree::new(self.document().estimate)
+    }
+
+    /// The photo, read-only, [H, W, 3]: uint8 as in an 8-bit file, else linear float32.
+    #[getter]
+    fn photo<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        arrays::photo(py, &self.document().estimate, |estimate| &estimate.frame.photo)
+    }
+
+    /// The photo's depth in metres along the optical axis, read-only float32 [h, w]; 0 where there is no reading.
+    #[getter]
+    fn depth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        arrays::view(py, &self.document().estimate, |estimate| arrays::grey(&estimate.frame.depth_m))
+    }
+
+    /// Focal lengths and principal point (fx, fy, cx, cy) in pixels of the photo.
+    #[getter]
+    fn intrinsics(&self) -> (f64, f64, f64, f64) {
+        let camera = self.document().estimate.frame.camera;
+        (camera.fx, camera.fy, camera.cx, camera.cy)
+    }
+
+    /// Unit vector against gravity in the camera's frame; None if it is unknown.
+    #[getter]
+    fn up(&self) -> Option<Vector> {
+        self.document().estimate.room.as_ref().map(|room| room.up.into())
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        png(py, &self.document().estimate.frame.photo)
+    }
+
+    fn __repr__(&self) -> String {
+        let estimate = self.document().estimate;
+        let (photo, light) = (&estimate.frame.photo, &estimate.light);
+        format!(
+            "<lightoctree.Scene: photo of {} × {} pixels, octree of depth {} with {} leaves>",
+            photo.width(),
+            photo.height(),
+            light.octree.depth(),
+            light.octree.leaf_nodes().count()
+        )
+    }
+}
+
+impl Scene {
+    /// Renders a panorama.
+    fn panorama(
+        &self,
+        py: Python<'_>,
+        at: [f64; 3],
+        (width, height): (usize, usize),
+        level: bool,
+        light: Option<&str>,
+    ) -> PyResult<Rendering> {
+        if width != 2 * height || !(1..=MAX_WIDTH).contains(&width) {
+            let limits = "the width of a panorama must be twice its height, and at most 16384";
+            return Err(PyValueError::new_err(format!("size is (width, height) = ({width}, {height}): {limits}")));
+        }
+        let at = point("at", at)?;
+        let mut state = self.state().clone();
+        choose_light(&mut state.document, light)?;
+        let level = match (&state.document.estimate.room, level) {
+            (_, false) => None,
+            (Some(room), true) => Some(LevelFrame::new(room)),
+            (None, true) => {
+                let message = "level: the scene has no up direction; estimate it again, if necessary with up";
+                return Err(PyValueError::new_err(message));
+            }
+        };
+        let (panorama, used) = job::run(py, None, move |reporter| {
+            let renderer = state.renderer(reporter)?;
+            if let Some(unusual) = unusual_position(&renderer.1.lit, at) {
+                reporter.warn(format!("({}, {}, {}) is {unusual}", at.x, at.y, at.z));
+            }
+            Ok((renderer.1.panorama(at, height, level), renderer))
+        })?;
+        self.keep(used, light.is_some());
+        Ok(panorama)
+    }
+
+    /// Keeps a renderer for the next panorama, unless the lights were edited meanwhile.
+    fn keep(&self, used: (InferredLight, Arc<Renderer>), is_chosen: bool) {
+        let mut state = self.state();
+        let is_current = is_chosen || state.document.inferred_light(LightPurpose::Panorama) == used.0;
+        if is_current && Arc::ptr_eq(&state.document.estimate, &used.1.lit.estimate) {
+            state.renderer = Some(used);
+        }
+    }
+
+    /// Edits the document.
+    fn edit(&self, py: Python<'_>, change: impl FnOnce(&mut Document) -> Result<(), Failure> + Send) -> PyResult<()> {
+        let edited = py.detach(|| {
+            let mut document = self.document();
+            change(&mut document)?;
+            *self.state() = State { document, renderer: None };
+            Ok::<_, Failure>(())
+        });
+        edited.map_err(|failure| failure.raise(py))
+    }
+}
+
+impl State {
+    /// Returns the prepared scene in the document's light.
+    fn renderer(&self, reporter: &mut Reporter) -> Result<(InferredLight, Arc<Renderer>), Failure> {
+        let inferred = self.document.inferred_light(LightPurpose::Panorama);
+        if let Some(renderer) = self.renderer.as_ref().filter(|(light, _)| *light == inferred) {
+            return Ok(renderer.clone());
+        }
+        let (lit, report) = self.document.lit_with_report(LightPurpose::Panorama)?;
+        report.fit.warning().iter().for_each(|warning| reporter.warn(warning));
+        let scene = SceneRenderer::new(&lit);
+        Ok((inferred, Arc::new(Renderer { lit, scene })))
+    }
+}
+
+impl Renderer {
+    fn panorama(&self, at: Vec3, height: usize, level: Option<LevelFrame>) -> Rendering {
+        match level {
+            None => self.scene.panorama(at, 2 * height, height),
+            Some(level) => {
+                let rows = LevelFrame::rendered_height(height);
+                level.panorama(&self.scene.panorama(at, 2 * rows, rows), height)
+            }
+        }
+    }
+}
+
+/// Sets the light of this name, if there is one.
+fn choose_light(document: &mut Document, light: Option<&str>) -> PyResult<()> {
+    if let Some(light) = light {
+        let light: LightMode = choice::light(light)?;
+        document.light_edits.inferred = Some(InferredLight { light, tuning: LightTuning::default() });
+    }
+    Ok(())
+}
