@@ -165,7 +165,7 @@ def test_arrays_and_images_are_like_files(photo: Path, depth: Path) -> None:
         expected = lightoctree.estimate(photo, depth=depth)
         assert_same(lightoctree.estimate(image, depth=Foreign(depth_m)), expected)
     camera = expected.intrinsics
-    matrix = [[camera[0], 0, camera[2]], [0, camera[1], camera[3]], [0, 0, 1]]
+    matrix: list[list[float]] = [[camera[0], 0, camera[2]], [0, camera[1], camera[3]], [0, 0, 1]]
     # Without EXIF. Any memory layout, type of float and mark of missing readings is accepted.
     depth_m[depth_m == 0] = np.nan
     flipped = np.asfortranarray(pixels)[:, ::-1].copy()[:, ::-1]
@@ -179,7 +179,7 @@ def test_integers_of_16_bits_are_srgb(photo: Path, depth: Path, tmp_path: Path) 
         wide = np.asarray(image).astype(np.uint16) * 257
     # A binary PPM of 16 bits is big-endian.
     (tmp_path / "photo.ppm").write_bytes(b"P6\n480 360\n65535\n" + wide.astype(">u2").tobytes())
-    options = {"depth": depth, "hfov_deg": 60.0}
+    options: dict[str, Any] = {"depth": depth, "hfov_deg": 60}
     expected = lightoctree.estimate(tmp_path / "photo.ppm", **options)
     assert_same(lightoctree.estimate(wide.astype(">u2"), **options), expected)
 

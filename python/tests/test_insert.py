@@ -116,7 +116,7 @@ def test_wrong_objects_are_refused(
 
 
 def test_warnings_name_the_objects(scene: Scene) -> None:
-    objects = [
+    objects: list[dict[str, Any]] = [
         {"name": "vase", "mesh": "builtin:sphere", "pixel": (270, 290)},
         {"name": "tower", "mesh": "builtin:sphere", "pixel": (200, 310), "height_m": 40},
     ]

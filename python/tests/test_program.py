@@ -45,12 +45,12 @@ def test_the_program_is_that_of_cargo(photo: Path, scene_file: Path, tmp_path: P
         ["envmap", "none.scene", "--at", "0,0,0", "-o", "none.exr"],
         ["envmap", "room.scene", "-o", "none.exr"],
     ]
-    outputs = []
+    outputs: list[tuple[list[object], dict[Path, bytes]]] = []
     for program in (str(PROGRAM), CARGO_PROGRAM):
         folder = tmp_path / str(len(outputs))
         folder.mkdir()
         ran = [run_program(program, folder, *command) for command in commands]
-        told = [(done.returncode, without_times(done.stdout), done.stderr) for done in ran]
+        told: list[object] = [(done.returncode, without_times(done.stdout), done.stderr) for done in ran]
         files = {file.relative_to(folder): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
         outputs.append((told, files))
     assert outputs[0][0] == outputs[1][0]
@@ -63,7 +63,7 @@ def without_times(text: str) -> str:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
 def test_ctrl_c_stops_the_program(photo: Path, tmp_path: Path) -> None:
-    arguments = [PROGRAM, "estimate", photo, "-o", "room.scene"]
+    arguments = [str(PROGRAM), "estimate", str(photo), "-o", "room.scene"]
     process = subprocess.Popen(arguments, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     # The handler is installed before the first stage.

@@ -1,5 +1,7 @@
 //! The command line of `lightoctree`.
 
+use std::sync::LazyLock;
+
 use clap::{Parser, Subcommand};
 
 use crate::args::Global;
@@ -7,7 +9,13 @@ use crate::commands;
 
 /// Estimates the lighting of a room from one photo, renders HDR panoramas at any point and inserts virtual objects
 #[derive(Debug, Parser)]
-#[command(name = "lightoctree", version, propagate_version = true, max_term_width = 110)]
+#[command(
+    name = "lightoctree",
+    version,
+    long_version = LONG_VERSION.as_str(),
+    propagate_version = true,
+    max_term_width = 110
+)]
 pub struct Cli {
     /// Global options.
     #[command(flatten)]
@@ -42,4 +50,29 @@ pub enum Command {
     Unwrap(commands::unwrap::Args),
     /// Print a shell completion script
     Completions(commands::completions::Args),
+}
+
+/// Version of the program and its weights, as `--version` prints them.
+static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
+    #[cfg(feature = "weights")]
+    let weights = format!("SHA-256 {}", lo_estimate::WEIGHTS_SHA256);
+    #[cfg(not(feature = "weights"))]
+    let weights = "none";
+    format!("{}\nweights: {weights}", env!("CARGO_PKG_VERSION"))
+});
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_version_tells_program_and_weights() {
+        let version = Cli::command().render_long_version();
+        let (program, weights) = version.split_once('\n').unwrap_or_default();
+        assert_eq!(program, concat!("lightoctree ", env!("CARGO_PKG_VERSION")));
+        assert!(weights.starts_with(if cfg!(feature = "weights") { "weights: SHA-256 " } else { "weights: none" }));
+        assert_eq!(Cli::command().render_version(), format!("{program}\n"));
+    }
 }

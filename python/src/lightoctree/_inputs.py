@@ -10,7 +10,7 @@ import io
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ def image(argument: str, value: Any) -> str | bytes | NDArray[Any]:
     if isinstance(value, (str, bytes, os.PathLike)):
         return path(argument, value)
     pil = sys.modules.get("PIL.Image")
-    if pil is not None and isinstance(value, pil.Image):
+    if pil is not None and isinstance(value, pil.Image) and value.mode not in ("F", "I"):
         return _encoded(value)
     pixels = _array(argument, value)
     shape = pixels.shape
@@ -44,9 +44,9 @@ def image(argument: str, value: Any) -> str | bytes | NDArray[Any]:
         elif pixels.ndim == 3 and shape[2] == 4:
             hint = f"; leave out the alpha channel, for example {argument}[..., :3]"
         raise ValueError(f"{argument} has the shape {shape}; expected (height, width, 3){hint}")
-    if pixels.dtype == np.uint8 or pixels.dtype == np.uint16:
+    if pixels.dtype.kind == "u" and pixels.dtype.itemsize <= 2:
         return np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
-    if np.issubdtype(pixels.dtype, np.floating):
+    if pixels.dtype.kind == "f":
         return np.ascontiguousarray(pixels, dtype=np.float32)
     raise TypeError(f"{argument} is an array of {pixels.dtype}; expected uint8 or uint16 (sRGB), or floats (linear)")
 
@@ -59,7 +59,7 @@ def depth(value: Any) -> str | bytes:
     if values.ndim != 2:
         hint = "; remove the axes of length 1, for example by depth.squeeze()" if values.squeeze().ndim == 2 else ""
         raise ValueError(f"depth has the shape {values.shape}; expected (height, width){hint}")
-    if not np.issubdtype(values.dtype, np.floating):
+    if values.dtype.kind != "f":
         hint = "convert it to metres, for example depth / 1000 for millimetres"
         raise TypeError(f"depth is an array of {values.dtype}; {hint}")
     file = io.BytesIO()
@@ -87,7 +87,7 @@ def layout(objects: Any) -> tuple[str, str]:
     if isinstance(objects, (str, bytes, os.PathLike)):
         file = Path(path("objects", objects))
         return file.read_text(encoding="utf-8"), str(file.parent)
-    listed = [objects] if isinstance(objects, Mapping) else list(objects)
+    listed = [objects] if isinstance(objects, Mapping) or not isinstance(objects, Iterable) else list(objects)
     for item in listed:
         if not isinstance(item, Mapping):
             raise TypeError(f"objects must be dictionaries, not {_type(item)}")
@@ -116,7 +116,7 @@ def _array(argument: str, value: Any) -> NDArray[Any]:
 
 
 def _encoded(value: Any) -> bytes:
-    if value.mode not in ("1", "L", "P", "RGB", "RGBA", "I;16"):
+    if value.mode not in ("1", "L", "LA", "P", "RGB", "RGBA", "I;16"):
         value = value.convert("RGB")
     file = io.BytesIO()
     value.save(file, "PNG", compress_level=1, exif=value.getexif(), icc_profile=value.info.get("icc_profile"))

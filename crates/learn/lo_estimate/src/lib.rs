@@ -43,4 +43,6 @@ pub use options::{DEFAULT_OCTREE_DEPTH, EstimateOptions};
 pub use request::{DepthSource, PhotoRequest, ResolvedPhoto};
 pub use sun::{PhotoSun, ShadowError, sun_from_photo, supported_sun};
 pub use warning::EstimateWarning;
+#[cfg(feature = "weights")]
+pub use weights::WEIGHTS_SHA256;
 pub use white::check_white;

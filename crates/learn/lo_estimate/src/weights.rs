@@ -6,6 +6,9 @@ use lo_weights_heads::HEADS;
 /// The embedded weights with their names in messages.
 const PARTS: [(&str, &[u8]); 2] = [("encoder.safetensors", ENCODER), ("heads.safetensors", HEADS)];
 
+/// SHA-256 of the embedded weights as one file, as in `docs/model_card.md` (feature `weights`).
+pub const WEIGHTS_SHA256: &str = "86026583af6496c34ff67130287efa502a47dbfe893eeacd4239dc44045e4d53";
+
 /// Loads the trained networks that are embedded in this library (feature `weights`, on by default).
 ///
 /// `docs/model_card.md` describes them.
@@ -33,6 +36,7 @@ mod tests {
         Checkpoint::joined(parts).unwrap().write(&file, Precision::Half).unwrap();
         let digest = Sha256::digest(std::fs::read(file).unwrap());
         let sum: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!(sum, WEIGHTS_SHA256);
         assert!(include_str!("../../../../docs/model_card.md").contains(&sum), "{sum}");
     }
 }
