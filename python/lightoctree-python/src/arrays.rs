@@ -27,8 +27,8 @@ pub fn view<'py, O: Send + Sync + 'static, T: Element>(
     let array =
         ArrayView::from_shape(IxDyn(&shape), values).map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
     let memory = Bound::new(py, Memory { _owner: owner.clone() })?.into_any();
-    // SAFETY: `values` borrows from `*owner`, which `memory`, the array's base, keeps alive. Nothing changes it: `owner`
-    // is shared, and the array is made read-only before anyone else has it.
+    // SAFETY: `values` borrows from `*owner`, which `memory`, the base of the array, keeps alive. Nothing changes it:
+    // `owner` is shared, and the array is made read-only before anyone else has it.
     let array = unsafe { PyArrayDyn::borrow_from_array(&array, memory) };
     array.readwrite().make_nonwriteable();
     Ok(array.into_any())

@@ -161,7 +161,7 @@ impl Scene {
     /// ----------
     /// objects
     ///     A dictionary or several, with the fields of docs/layout.md, such as
-    ///     {"mesh": "chair.glb", "pixel": (960, 1100), "height_m": 0.9, "material": "gold"}; or a file with such a list.
+    ///     {"mesh": "chair.glb", "pixel": (960, 1100), "height_m": 0.9, "material": "gold"}; or a file of them.
     ///     Built-in meshes are "builtin:sphere", "builtin:suzanne" and "builtin:tea-set". Default: the objects saved in
     ///     the scene.
     /// quality
