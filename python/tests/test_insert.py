@@ -75,6 +75,29 @@ def test_layouts_are_files_and_relative_to_them(scene: Scene, scene_file: Path, 
     assert (tmp_path / "python.png").read_bytes() == (tmp_path / "cli.png").read_bytes()
 
 
+def test_sequences_are_those_of_the_command_line(scene: Scene, scene_file: Path, cli: Cli, tmp_path: Path) -> None:
+    keyframes = [{"time_s": 0, "pixel": [200, 300]}, {"time_s": 2, "pixel": [280, 310]}]
+    (tmp_path / "path.json").write_text(json.dumps({"keyframes": keyframes}))
+    arguments = ["--mesh", "builtin:sphere", "--path", "path.json", "--frames", 3, "--quality", "draft"]
+    cli("insert", scene_file, *arguments, "-o", "cli_%d.png")
+    for path in (tmp_path / "path.json", {"keyframes": keyframes}):
+        ball = {"mesh": "builtin:sphere", "path": path}
+        sequence = scene.sequence(ball, 3, quality="draft")
+        assert len(sequence) == 3
+        for index, composite in enumerate(sequence):
+            composite.save(tmp_path / "python.png")
+            assert (tmp_path / "python.png").read_bytes() == (tmp_path / f"cli_{index}.png").read_bytes()
+        assert len(sequence) == 0 and next(sequence, None) is None
+    with pytest.raises(ValueError, match="sphere moves along a path: use sequence"):
+        scene.insert(ball)
+    with pytest.raises(ValueError, match="sphere moves along a path: give the number of frames"):
+        scene.sequence(ball)
+    with pytest.raises(ValueError, match="frames must be from 1 to 100000, not 0"):
+        scene.sequence(ball, 0)
+    with pytest.raises(ValueError, match="no object moves along a path"):
+        scene.sequence({"mesh": "builtin:sphere", "pixel": (240, 300)}, 3)
+
+
 def test_composites_show_themselves(scene: Scene, tmp_path: Path) -> None:
     composite = scene.insert({"mesh": "builtin:sphere", "pixel": (270, 290)}, quality="draft")
     (tmp_path / "shown.png").write_bytes(composite._repr_png_())

@@ -94,6 +94,9 @@ def test_scenes_survive_files_and_pickles(scene: Scene, scene_file: Path, tmp_pa
     assert Scene.from_bytes(expected).to_bytes() == expected
     assert pickle.loads(pickle.dumps(scene)).to_bytes() == expected
     assert copy.deepcopy(scene).to_bytes() == expected
+    copied = copy.copy(scene)
+    copied.set_light(copied.lights[0].id, on=False)
+    assert copied.to_bytes() != expected and scene.to_bytes() == expected
     scene.save(str(tmp_path / "again.scene"))
     assert (tmp_path / "again.scene").read_bytes() == expected
     with pytest.raises(FileNotFoundError, match="none.scene"):

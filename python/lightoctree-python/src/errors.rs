@@ -4,6 +4,7 @@ use std::io;
 use lightoctree::imaging::ImageError;
 use lightoctree::insert::InsertError;
 use lightoctree::lights::LightsError;
+use lightoctree::scene::SceneError;
 use lightoctree::{CheckpointError, DocumentError, EstimateError, LightingError, ModelError, PanoramaError};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
@@ -33,13 +34,10 @@ impl Failure {
     /// library's own class.
     pub fn raise(self, py: Python<'_>) -> PyErr {
         match self {
-            Self::Library(class, error) => match os_error(&*error) {
-                Some(code) => {
-                    let text = message(&*error).replace(&format!(" (os error {code})"), "");
-                    PyOSError::new_err((code, text))
-                }
-                None => of_class(py, class, message(&*error)),
-            },
+            Self::Library(class, error) => {
+                let text = message(&*error);
+                os_error(&*error, &text).unwrap_or_else(|| of_class(py, class, text))
+            }
             Self::Argument(text) => PyValueError::new_err(text),
             Self::Cancelled => of_class(py, "LightOctreeError", "cancelled".to_owned()),
         }
@@ -54,9 +52,16 @@ pub fn of_class(py: Python<'_>, class: &str, message: String) -> PyErr {
     }
 }
 
-/// Returns the code of the first error of the operating system in the chain of causes.
-fn os_error(error: &(dyn Error + 'static)) -> Option<i32> {
-    causes(error).find_map(|cause| cause.downcast_ref::<io::Error>()?.raw_os_error())
+/// Returns the exception of the first error of input or output in the chain of causes, if the operating system
+/// reported it.
+fn os_error(error: &(dyn Error + 'static), text: &str) -> Option<PyErr> {
+    let error = causes(error).find_map(|cause| cause.downcast_ref::<io::Error>())?;
+    match (error.raw_os_error(), error.kind()) {
+        (Some(code), _) => Some(PyOSError::new_err((code, text.replace(&format!(" (os error {code})"), "")))),
+        // With a message of ours, there is only the kind.
+        (None, io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput | io::ErrorKind::Other) => None,
+        (None, kind) => Some(io::Error::new(kind, text.to_owned()).into()),
+    }
 }
 
 /// Joins the chain of causes, without those that the text before them already contains.
@@ -114,7 +119,11 @@ impl From<PanoramaError> for Failure {
 
 impl From<DocumentError> for Failure {
     fn from(error: DocumentError) -> Self {
-        Self::new("SceneError", error)
+        match error {
+            // A transparent error is not among its causes.
+            DocumentError::Scene(SceneError::Write(error)) => Self::new("SceneError", error),
+            error => Self::new("SceneError", error),
+        }
     }
 }
 

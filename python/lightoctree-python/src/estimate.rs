@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use crate::choice::{choice, direction};
 use crate::errors::Failure;
 use crate::inputs::{DepthArray, ImageSource, Lens, file_name, inputs};
-use crate::job::{self, Reporter};
+use crate::job::{self, Handler, Reporter};
 use crate::panorama::Panorama;
 use crate::scene::Scene;
 
@@ -98,7 +98,7 @@ pub fn estimate(
         weights: weights.map(|weights| path("weights", weights)).transpose()?,
         seed,
     };
-    job::run(py, on_event, |reporter| job.run(reporter)).map(Scene::new)
+    job::run(py, Handler::new(on_event), |reporter| job.run(reporter)).map(Scene::new)
 }
 
 /// Source of a depth map.

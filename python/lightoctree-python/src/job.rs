@@ -84,17 +84,34 @@ enum Message<T> {
     Panicked(String),
 }
 
-/// Runs work on a thread of its own, passes its events to `on_event` and returns its result.
+/// What receives the events of a job.
+pub enum Handler<'a, 'py> {
+    /// Nothing.
+    Silent,
+    /// Progress bars, where someone sees them.
+    Bars,
+    /// The user's function.
+    Function(&'a Bound<'py, PyAny>),
+}
+
+impl<'a, 'py> Handler<'a, 'py> {
+    /// Returns the user's function, or progress bars.
+    pub fn new(on_event: Option<&'a Bound<'py, PyAny>>) -> Self {
+        on_event.map_or(Self::Bars, Self::Function)
+    }
+}
+
+/// Runs work on a thread of its own, passes its events to a handler and returns its result.
 ///
-/// The interpreter is free meanwhile. If a signal handler or `on_event` raises an exception, the function returns at
-/// once, and the work ends at its next event.
+/// The interpreter is free meanwhile. If a signal handler or the event handler raises an exception, the function
+/// returns at once, and the work ends at its next event.
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
-    on_event: Option<&Bound<'_, PyAny>>,
+    handler: Handler<'_, '_>,
     work: impl FnOnce(&mut Reporter) -> Result<T, Failure> + Send + 'static,
 ) -> PyResult<T> {
     check_process()?;
-    let mut listener = Listener::new(py, on_event)?;
+    let mut listener = Listener::new(py, &handler)?;
     let is_cancelled = CancelOnDrop(Arc::default());
     let (sender, mut receiver) = mpsc::channel();
     start(sender, is_cancelled.0.clone(), work)?;

@@ -45,6 +45,8 @@ mod _lightoctree {
     #[pymodule_export]
     use super::estimate::estimate;
     #[pymodule_export]
+    use super::insert::Sequence;
+    #[pymodule_export]
     use super::main;
     #[pymodule_export]
     use super::octree::{Octree, OctreeLevel};

@@ -3,29 +3,30 @@ use std::ffi::CString;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::job::Report;
+use crate::job::{Handler, Report};
 
 /// Passes events to the caller's handler, or shows them as progress bars, and issues warnings.
 pub struct Listener<'py> {
-    on_event: Option<Bound<'py, PyAny>>,
+    function: Option<Bound<'py, PyAny>>,
     bars: Option<Bound<'py, PyAny>>,
     event: Bound<'py, PyAny>,
     warning: Bound<'py, PyAny>,
 }
 
 impl<'py> Listener<'py> {
-    /// Listens for `on_event`. Without it, `lightoctree._progress` decides whether to show bars.
-    pub fn new(py: Python<'py>, on_event: Option<&Bound<'py, PyAny>>) -> PyResult<Self> {
-        let bars = match on_event {
-            Some(_) => None,
-            None => {
+    /// Listens for a handler. `lightoctree._progress` decides whether to show bars.
+    pub fn new(py: Python<'py>, handler: &Handler<'_, 'py>) -> PyResult<Self> {
+        let (function, bars) = match handler {
+            Handler::Silent => (None, None),
+            Handler::Bars => {
                 let bars = py.import("lightoctree._progress")?.call_method0("bars")?;
-                (!bars.is_none()).then_some(bars)
+                (None, (!bars.is_none()).then_some(bars))
             }
+            Handler::Function(function) => (Some((*function).clone()), None),
         };
         let event = py.import("lightoctree._types")?.getattr("Event")?;
         let warning = py.import("lightoctree._errors")?.getattr("LightOctreeWarning")?;
-        Ok(Self { on_event: on_event.cloned(), bars, event, warning })
+        Ok(Self { function, bars, event, warning })
     }
 
     /// Passes a report on.
@@ -37,7 +38,7 @@ impl<'py> Listener<'py> {
             let text = CString::new(message.replace('\0', ""))?;
             PyErr::warn(self.event.py(), &self.warning, &text, 1)?;
         }
-        for handler in self.on_event.iter().chain(&self.bars) {
+        for handler in self.function.iter().chain(&self.bars) {
             handler.call1((self.event(report)?,))?;
         }
         Ok(())

@@ -9,13 +9,14 @@ use lightoctree::{Document, InferredLight, LevelFrame, LightMode, LightPurpose, 
 use lightoctree_cli::commands::environment::unusual_position;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::sync::MutexExt;
+use pyo3::types::{PyBytes, PyType};
 
 use crate::choice::{self, point};
 use crate::composite::Composite;
 use crate::errors::Failure;
-use crate::insert::Insertion;
-use crate::job::{self, Reporter};
+use crate::insert::{Insertion, Sequence};
+use crate::job::{self, Handler, Reporter};
 use crate::lights::{self, Color};
 use crate::octree::Octree;
 use crate::preview::png;
@@ -26,6 +27,9 @@ const SIZE: (usize, usize) = (512, 256);
 
 /// Largest width of a panorama in pixels.
 const MAX_WIDTH: usize = 16_384;
+
+/// Largest number of images of a sequence, as of the command `insert`.
+const MAX_FRAMES: u32 = 100_000;
 
 /// Name in the signature of scene files, as of the command that writes them.
 const COMMAND: &str = "estimate";
@@ -46,11 +50,14 @@ pub struct Scene {
 #[derive(Clone)]
 struct State {
     document: Document,
-    renderer: Option<(InferredLight, Arc<Renderer>)>,
+    /// Number of edits.
+    edits: usize,
+    renderer: Option<Arc<Renderer>>,
 }
 
 /// A scene in one light for panoramas.
 struct Renderer {
+    light: InferredLight,
     lit: LitScene,
     scene: SceneRenderer,
 }
@@ -58,51 +65,55 @@ struct Renderer {
 impl Scene {
     /// Wraps a document.
     pub fn new(document: Document) -> Self {
-        Self { state: Mutex::new(State { document, renderer: None }) }
+        Self { state: Mutex::new(State { document, edits: 0, renderer: None }) }
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self, py: Python<'_>) -> MutexGuard<'_, State> {
         // A panic while it was held has changed nothing: edits are complete values.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Returns a copy of the document, which shares the estimate.
-    fn document(&self) -> Document {
-        self.state().document.clone()
+    fn document(&self, py: Python<'_>) -> Document {
+        self.state(py).document.clone()
     }
 }
 
 #[pymethods]
 impl Scene {
     /// Reads a .scene file.
-    #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+    #[classmethod]
+    fn load(_: &Bound<'_, PyType>, py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let document = py.detach(|| Document::read(path));
         document.map(Self::new).map_err(|error| Failure::from(error).raise(py))
     }
 
     /// Reads a scene from the bytes of a .scene file.
-    #[staticmethod]
-    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
+    #[classmethod]
+    fn from_bytes(_: &Bound<'_, PyType>, py: Python<'_>, data: &[u8]) -> PyResult<Self> {
         let document = py.detach(|| Document::from_bytes(data));
         document.map(Self::new).map_err(|error| Failure::from(error).raise(py))
     }
 
     /// Writes a .scene file, as the command `estimate` does.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let document = self.document();
+        let document = self.document(py);
         py.detach(|| document.write(path, &signature(COMMAND))).map_err(|error| Failure::from(error).raise(py))
     }
 
     /// Returns the bytes of the .scene file.
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let document = self.document();
+        let document = self.document(py);
         let bytes = py.detach(|| document.to_bytes(&signature(COMMAND)));
         Ok(PyBytes::new(py, &bytes.map_err(|error| Failure::from(error).raise(py))?))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
         Ok((slf.get_type().getattr("from_bytes")?, (slf.get().to_bytes(slf.py())?,)))
+    }
+
+    fn __copy__(&self, py: Python<'_>) -> Self {
+        Self::new(self.document(py))
     }
 
     /// Renders the HDR panorama at a position: equirectangular, float32 [H, W, 3].
@@ -149,7 +160,7 @@ impl Scene {
 
     /// Returns the position of the observed surface at a pixel of the photo, and its unit normal.
     fn surface_at_pixel(&self, py: Python<'_>, pixel: [f64; 2]) -> PyResult<(Vector, Vector)> {
-        let (estimate, [u, v]) = (self.document().estimate, pixel);
+        let (estimate, [u, v]) = (self.document(py).estimate, pixel);
         let surface = py.detach(|| surface_at_pixel(&estimate, u, v));
         let (position_m, normal) = surface.map_err(|error| Failure::from(error).raise(py))?;
         Ok((position_m.into(), normal.into()))
@@ -182,20 +193,41 @@ impl Scene {
         floor_gloss: Option<f64>,
         on_event: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Composite> {
-        if let Some(gloss) = floor_gloss.filter(|gloss| !(0.0..=1.0).contains(gloss)) {
-            return Err(PyValueError::new_err(format!("floor_gloss must be from 0 to 1, not {gloss}")));
+        let insertion = self.insertion(py, objects, quality, light, floor_gloss)?;
+        job::run(py, Handler::new(on_event), |reporter| insertion.image(reporter)?.render(0, reporter))
+    }
+
+    /// Inserts objects that move along paths, and returns an iterator that renders one image after the other.
+    ///
+    /// `frames` is their number, at equal time steps along the paths; by default that saved with the scene's own
+    /// objects. The other parameters are those of `insert`.
+    #[pyo3(signature = (
+        objects = None, frames = None, *, quality = "normal", light = None, floor_gloss = None, on_event = None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn sequence(
+        &self,
+        py: Python<'_>,
+        objects: Option<&Bound<'_, PyAny>>,
+        frames: Option<u32>,
+        quality: &str,
+        light: Option<&str>,
+        floor_gloss: Option<f64>,
+        on_event: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Sequence> {
+        if let Some(frames) = frames.filter(|frames| !(1..=MAX_FRAMES).contains(frames)) {
+            return Err(PyValueError::new_err(format!("frames must be from 1 to {MAX_FRAMES}, not {frames}")));
         }
-        let quality = choice::quality(quality)?;
-        let mut document = self.document();
-        choose_light(&mut document, light)?;
-        let insertion = Insertion::new(py, document, objects, quality, floor_gloss)?;
-        job::run(py, on_event, |reporter| insertion.run(reporter)).map(Composite::new)
+        let insertion = self.insertion(py, objects, quality, light, floor_gloss)?;
+        let frames = frames.map(|frames| frames as usize);
+        let prepared = job::run(py, Handler::new(on_event), move |reporter| insertion.sequence(frames, reporter))?;
+        Ok(Sequence::new(prepared, on_event))
     }
 
     /// The lights of the room with their edits, the strongest first, and the lights that the user added.
     #[getter]
     fn lights<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        let document = self.document();
+        let document = self.document(py);
         let listed = py.detach(|| document.lights());
         listed.iter().map(|light| lights::listed(py, light)).collect()
     }
@@ -225,41 +257,41 @@ impl Scene {
 
     /// The octree of radiance as estimated, without edits of lights and expected light.
     #[getter]
-    fn octree(&self) -> Octree {
-        Octree::new(self.document().estimate)
+    fn octree(&self, py: Python<'_>) -> Octree {
+        Octree::new(self.document(py).estimate)
     }
 
     /// The photo, read-only, [H, W, 3]: uint8 as in an 8-bit file, else linear float32.
     #[getter]
     fn photo<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        arrays::photo(py, &self.document().estimate, |estimate| &estimate.frame.photo)
+        arrays::photo(py, &self.document(py).estimate, |estimate| &estimate.frame.photo)
     }
 
     /// The photo's depth in metres along the optical axis, read-only float32 [h, w]; 0 where there is no reading.
     #[getter]
     fn depth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        arrays::view(py, &self.document().estimate, |estimate| arrays::grey(&estimate.frame.depth_m))
+        arrays::view(py, &self.document(py).estimate, |estimate| arrays::grey(&estimate.frame.depth_m))
     }
 
     /// Focal lengths and principal point (fx, fy, cx, cy) in pixels of the photo.
     #[getter]
-    fn intrinsics(&self) -> (f64, f64, f64, f64) {
-        let camera = self.document().estimate.frame.camera;
+    fn intrinsics(&self, py: Python<'_>) -> (f64, f64, f64, f64) {
+        let camera = self.document(py).estimate.frame.camera;
         (camera.fx, camera.fy, camera.cx, camera.cy)
     }
 
     /// Unit vector against gravity in the camera's frame; None if it is unknown.
     #[getter]
-    fn up(&self) -> Option<Vector> {
-        self.document().estimate.room.as_ref().map(|room| room.up.into())
+    fn up(&self, py: Python<'_>) -> Option<Vector> {
+        self.document(py).estimate.room.as_ref().map(|room| room.up.into())
     }
 
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        png(py, &self.document().estimate.frame.photo)
+        png(py, &self.document(py).estimate.frame.photo)
     }
 
-    fn __repr__(&self) -> String {
-        let estimate = self.document().estimate;
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let estimate = self.document(py).estimate;
         let (photo, light) = (&estimate.frame.photo, &estimate.light);
         format!(
             "<lightoctree.Scene: photo of {} × {} pixels, octree of depth {} with {} leaves>",
@@ -272,6 +304,20 @@ impl Scene {
 }
 
 impl Scene {
+    fn insertion(
+        &self,
+        py: Python<'_>,
+        objects: Option<&Bound<'_, PyAny>>,
+        quality: &str,
+        light: Option<&str>,
+        floor_gloss: Option<f64>,
+    ) -> PyResult<Insertion> {
+        let quality = choice::quality(quality)?;
+        let mut document = self.document(py);
+        choose_light(&mut document, light)?;
+        Insertion::new(py, document, objects, quality, floor_gloss)
+    }
+
     /// Renders a panorama.
     fn panorama(
         &self,
@@ -286,7 +332,7 @@ impl Scene {
             return Err(PyValueError::new_err(format!("size is (width, height) = ({width}, {height}): {limits}")));
         }
         let at = point("at", at)?;
-        let mut state = self.state().clone();
+        let mut state = self.state(py).clone();
         choose_light(&mut state.document, light)?;
         let level = match (&state.document.estimate.room, level) {
             (_, false) => None,
@@ -296,32 +342,29 @@ impl Scene {
                 return Err(PyValueError::new_err(message));
             }
         };
-        let (panorama, used) = job::run(py, None, move |reporter| {
+        let edits = state.edits;
+        let (panorama, renderer) = job::run(py, Handler::Silent, move |reporter| {
             let renderer = state.renderer(reporter)?;
-            if let Some(unusual) = unusual_position(&renderer.1.lit, at) {
+            if let Some(unusual) = unusual_position(&renderer.lit, at) {
                 reporter.warn(format!("({}, {}, {}) is {unusual}", at.x, at.y, at.z));
             }
-            Ok((renderer.1.panorama(at, height, level), renderer))
+            Ok((renderer.panorama(at, height, level), renderer))
         })?;
-        self.keep(used, light.is_some());
-        Ok(panorama)
-    }
-
-    /// Keeps a renderer for the next panorama, unless the lights were edited meanwhile.
-    fn keep(&self, used: (InferredLight, Arc<Renderer>), is_chosen: bool) {
-        let mut state = self.state();
-        let is_current = is_chosen || state.document.inferred_light(LightPurpose::Panorama) == used.0;
-        if is_current && Arc::ptr_eq(&state.document.estimate, &used.1.lit.estimate) {
-            state.renderer = Some(used);
+        // The next panorama uses it, unless the lights were edited meanwhile.
+        let mut state = self.state(py);
+        if state.edits == edits {
+            state.renderer = Some(renderer);
         }
+        Ok(panorama)
     }
 
     /// Edits the document.
     fn edit(&self, py: Python<'_>, change: impl FnOnce(&mut Document) -> Result<(), Failure> + Send) -> PyResult<()> {
         let edited = py.detach(|| {
-            let mut document = self.document();
-            change(&mut document)?;
-            *self.state() = State { document, renderer: None };
+            let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            change(&mut state.document)?;
+            state.edits += 1;
+            state.renderer = None;
             Ok::<_, Failure>(())
         });
         edited.map_err(|failure| failure.raise(py))
@@ -330,15 +373,15 @@ impl Scene {
 
 impl State {
     /// Returns the prepared scene in the document's light.
-    fn renderer(&self, reporter: &mut Reporter) -> Result<(InferredLight, Arc<Renderer>), Failure> {
-        let inferred = self.document.inferred_light(LightPurpose::Panorama);
-        if let Some(renderer) = self.renderer.as_ref().filter(|(light, _)| *light == inferred) {
+    fn renderer(&self, reporter: &mut Reporter) -> Result<Arc<Renderer>, Failure> {
+        let light = self.document.inferred_light(LightPurpose::Panorama);
+        if let Some(renderer) = self.renderer.as_ref().filter(|renderer| renderer.light == light) {
             return Ok(renderer.clone());
         }
         let (lit, report) = self.document.lit_with_report(LightPurpose::Panorama)?;
         report.fit.warning().iter().for_each(|warning| reporter.warn(warning));
         let scene = SceneRenderer::new(&lit);
-        Ok((inferred, Arc::new(Renderer { lit, scene })))
+        Ok(Arc::new(Renderer { light, lit, scene }))
     }
 }
 

@@ -16,7 +16,7 @@ from lightoctree._errors import (
     LightsError,
     SceneError,
 )
-from lightoctree._lightoctree import Composite, Octree, OctreeLevel, Panorama, Scene, __version__, estimate
+from lightoctree._lightoctree import Composite, Octree, OctreeLevel, Panorama, Scene, Sequence, __version__, estimate
 from lightoctree._types import Event, Light, LightChange, MainLight
 
 __all__ = [
@@ -36,6 +36,7 @@ __all__ = [
     "Panorama",
     "Scene",
     "SceneError",
+    "Sequence",
     "__version__",
     "estimate",
 ]

@@ -6,9 +6,11 @@ Tensors of PyTorch, JAX and others arrive by `__array__` or DLPack.
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
+import stat
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -24,7 +26,8 @@ def path(argument: str, value: Any) -> str:
         raise TypeError(f"{argument} must be a path, not {_type(value)}")
     name = os.fsdecode(value)
     # Raises `FileNotFoundError` and others with the name.
-    os.stat(name)
+    if stat.S_ISDIR(os.stat(name).st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), name)
     return name
 
 

@@ -1,4 +1,5 @@
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import abc
+from collections.abc import Callable, Iterable, Mapping
 from os import PathLike
 from typing import Any, Literal, Protocol, TypeAlias, final
 
@@ -21,7 +22,7 @@ class _PILImage(Protocol):
 _Path: TypeAlias = str | PathLike[str]
 _Image: TypeAlias = _Path | ArrayLike | _DLPack | _PILImage
 _Map: TypeAlias = _Path | ArrayLike | _DLPack
-_Vector: TypeAlias = Sequence[float] | NDArray[Any]
+_Vector: TypeAlias = abc.Sequence[float] | NDArray[Any]
 _Object: TypeAlias = Mapping[str, Any]
 _LightMode: TypeAlias = Literal["even", "expected", "plausible"]
 _Quality: TypeAlias = Literal["draft", "normal", "high"]
@@ -58,10 +59,10 @@ class Panorama:
 
 @final
 class Scene:
-    @staticmethod
-    def load(path: _Path) -> Scene: ...
-    @staticmethod
-    def from_bytes(data: bytes) -> Scene: ...
+    @classmethod
+    def load(cls, path: _Path) -> Scene: ...
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Scene: ...
     def save(self, path: _Path) -> None: ...
     def to_bytes(self) -> bytes: ...
     def environment(
@@ -84,6 +85,16 @@ class Scene:
         floor_gloss: float | None = None,
         on_event: Callable[[Event], object] | None = None,
     ) -> Composite: ...
+    def sequence(
+        self,
+        objects: _Object | Iterable[_Object] | _Path | None = None,
+        frames: int | None = None,
+        *,
+        quality: _Quality = "normal",
+        light: _LightMode | None = None,
+        floor_gloss: float | None = None,
+        on_event: Callable[[Event], object] | None = None,
+    ) -> Sequence: ...
     @property
     def lights(self) -> list[Light]: ...
     def set_light(
@@ -106,8 +117,15 @@ class Scene:
     def intrinsics(self) -> tuple[float, float, float, float]: ...
     @property
     def up(self) -> tuple[float, float, float] | None: ...
+    def __copy__(self) -> Scene: ...
     def __reduce__(self) -> tuple[Callable[[bytes], Scene], tuple[bytes]]: ...
     def _repr_png_(self) -> bytes: ...
+
+@final
+class Sequence:
+    def __iter__(self) -> Sequence: ...
+    def __next__(self) -> Composite: ...
+    def __len__(self) -> int: ...
 
 @final
 class Composite:
