@@ -84,7 +84,7 @@ enum Message<T> {
     Panicked(String),
 }
 
-/// What receives the events of a job.
+/// Receiver of a job's events.
 pub enum Handler<'a, 'py> {
     /// Nothing.
     Silent,
