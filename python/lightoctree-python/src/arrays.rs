@@ -69,6 +69,12 @@ pub fn of_rgb<T: Element>(py: Python<'_>, image: Image<[T; 3]>) -> PyResult<Boun
     Ok(PyArray::from_vec(py, image.into_pixels().into_flattened()).reshape(shape)?.into_any())
 }
 
+/// Moves an image of one channel into an array of shape `[height, width]`.
+pub fn of_grey<T: Element>(py: Python<'_>, image: Image<T>) -> PyResult<Bound<'_, PyAny>> {
+    let shape = [image.height(), image.width()];
+    Ok(PyArray::from_vec(py, image.into_pixels()).reshape(shape)?.into_any())
+}
+
 /// Moves rows into an array of shape `[rows, N]`.
 pub fn of_rows<T: Element, const N: usize>(py: Python<'_>, rows: Vec<[T; N]>) -> PyResult<Bound<'_, PyAny>> {
     let shape = [rows.len(), N];

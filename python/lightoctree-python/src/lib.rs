@@ -6,6 +6,7 @@
 mod arrays;
 mod choice;
 mod composite;
+mod data;
 mod errors;
 mod estimate;
 mod inputs;
@@ -42,6 +43,8 @@ fn main(py: Python<'_>) -> PyResult<u8> {
 mod _lightoctree {
     #[pymodule_export]
     use super::composite::Composite;
+    #[pymodule_export]
+    use super::data::{Samples, read, rooms};
     #[pymodule_export]
     use super::estimate::estimate;
     #[pymodule_export]

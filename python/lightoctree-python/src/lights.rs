@@ -1,6 +1,7 @@
 use lightoctree::Document;
 use lightoctree::geometry::Vec3;
 use lightoctree::lights::{LightChange, LightColor, LightEdits, LightKind, LightOrigin, LightsError, ListedLight};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -46,9 +47,13 @@ fn change_of<'py>(py: Python<'py>, change: LightChange) -> PyResult<Bound<'py, P
 }
 
 fn fields<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyDict>> {
-    let json =
-        serde_json::to_string(value).map_err(|error| pyo3::exceptions::PyRuntimeError::new_err(error.to_string()))?;
-    Ok(py.import("json")?.call_method1("loads", (json,))?.cast_into()?)
+    Ok(json(py, value)?.cast_into()?)
+}
+
+/// Converts a value to dictionaries, lists, strings and numbers.
+pub fn json<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(value).map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+    py.import("json")?.call_method1("loads", (text,))
 }
 
 fn of_fields<'py>(class: &str, fields: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {

@@ -7,7 +7,9 @@
     scene.insert({"mesh": "builtin:tea-set", "pixel": (1100, 1150)}).save("composite.png")
 """
 
+from lightoctree import data
 from lightoctree._errors import (
+    DatasetError,
     EstimateError,
     ImageError,
     InsertError,
@@ -21,6 +23,7 @@ from lightoctree._types import Event, Light, LightChange, MainLight
 
 __all__ = [
     "Composite",
+    "DatasetError",
     "EstimateError",
     "Event",
     "ImageError",
@@ -38,5 +41,6 @@ __all__ = [
     "SceneError",
     "Sequence",
     "__version__",
+    "data",
     "estimate",
 ]

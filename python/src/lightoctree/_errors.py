@@ -5,6 +5,10 @@ class LightOctreeError(Exception):
     """Base class of the exceptions of this package."""
 
 
+class DatasetError(LightOctreeError, ValueError):
+    """A data set cannot be read, or a room cannot be generated."""
+
+
 class EstimateError(LightOctreeError, ValueError):
     """The inputs of an estimate cannot be used."""
 

@@ -97,6 +97,11 @@ def layout(objects: Any) -> tuple[str, str]:
     return json.dumps([dict(item) for item in listed], default=_json), ""
 
 
+def json_text(fields: Any) -> str:
+    """Returns the JSON of a configuration."""
+    return json.dumps(dict(fields), default=_json)
+
+
 def _json(value: Any) -> Any:
     if isinstance(value, os.PathLike):
         return os.fsdecode(value)
