@@ -149,6 +149,8 @@ def test_wrong_edits_of_lights_are_refused(scene: Scene, scene_file: Path) -> No
         scene.set_light(id, scale=-1)
     with pytest.raises(ValueError, match="the colour is out of range"):
         scene.set_light(id, color=10)
+    with pytest.raises(TypeError, match="color must be a temperature in kelvin or"):
+        scene.set_light(id, color="red")  # type: ignore[arg-type]
     assert scene.to_bytes() == scene_file.read_bytes()
 
 

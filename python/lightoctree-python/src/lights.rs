@@ -1,19 +1,19 @@
 use lightoctree::Document;
 use lightoctree::geometry::Vec3;
 use lightoctree::lights::{LightChange, LightColor, LightEdits, LightKind, LightOrigin, LightsError, ListedLight};
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::errors::Failure;
 
-/// A colour as Python passes it: kelvin, or linear RGB.
-#[derive(FromPyObject)]
-pub enum Color {
-    /// Colour temperature in kelvin.
-    Kelvin(f32),
-    /// Linear Rec. 709 RGB.
-    Rgb([f32; 3]),
+/// Converts a colour: kelvin, or linear Rec. 709 (r, g, b).
+pub fn color(value: &Bound<'_, PyAny>) -> PyResult<LightColor> {
+    if let Ok(kelvin) = value.extract() {
+        return Ok(LightColor::Kelvin(kelvin));
+    }
+    let wrong = |_| PyTypeError::new_err(format!("color must be a temperature in kelvin or (r, g, b), not {value}"));
+    value.extract().map(LightColor::Rgb).map_err(wrong)
 }
 
 /// Converts a value to a class of `lightoctree._types` that has its fields.
@@ -75,7 +75,7 @@ pub fn change(
     id: &str,
     on: Option<bool>,
     scale: Option<f32>,
-    color: Option<Color>,
+    color: Option<LightColor>,
     at: Option<Vec3>,
 ) -> Result<(), Failure> {
     let lights = document.lights();
@@ -84,10 +84,6 @@ pub fn change(
         return Err(Failure::Argument(format!("at: {id} is a sun, which has no position")));
     }
     let before = document.light_edits.change_of(id);
-    let color = color.map(|color| match color {
-        Color::Kelvin(kelvin) => LightColor::Kelvin(kelvin),
-        Color::Rgb(rgb) => LightColor::Rgb(rgb),
-    });
     let change = LightChange {
         on: on.unwrap_or(before.on),
         scale: scale.unwrap_or(before.scale),

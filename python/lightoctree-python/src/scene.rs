@@ -17,7 +17,7 @@ use crate::composite::Composite;
 use crate::errors::Failure;
 use crate::insert::{Insertion, Sequence};
 use crate::job::{self, Handler, Reporter};
-use crate::lights::{self, Color};
+use crate::lights;
 use crate::octree::Octree;
 use crate::preview::png;
 use crate::{arrays, signature};
@@ -242,10 +242,11 @@ impl Scene {
         id: &str,
         on: Option<bool>,
         scale: Option<f32>,
-        color: Option<Color>,
+        color: Option<&Bound<'_, PyAny>>,
         at: Option<[f64; 3]>,
     ) -> PyResult<()> {
         let at = at.map(|at| point("at", at)).transpose()?;
+        let color = color.map(lights::color).transpose()?;
         self.edit(py, |document| lights::change(document, id, on, scale, color, at))
     }
 
