@@ -7,13 +7,15 @@
 from __future__ import annotations
 
 import json
-from typing import Any, TypedDict
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from lightoctree._lightoctree import Dataset, read, rooms
 from lightoctree._types import Vector
+
+if TYPE_CHECKING:
+    # The command does not need it.
+    import numpy as np
+    from numpy.typing import NDArray
 
 __all__ = ["Dataset", "Sample", "View", "read", "rooms"]
 
