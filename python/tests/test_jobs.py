@@ -158,7 +158,6 @@ def test_bars_appear_on_terminals(is_terminal: bool, photo: Path, monkeypatch: p
     stderr = Terminal() if is_terminal else io.StringIO()
     monkeypatch.setattr(sys, "stderr", stderr)
     lightoctree.estimate(photo)
-    # One of the two networks takes longer than the delay.
     assert ("network" in stderr.getvalue()) == is_terminal
 
 
@@ -170,6 +169,7 @@ def test_bars_follow_the_events() -> None:
     class FakeBar:
         def __init__(self, **options: object) -> None:
             self.options, self.n, self.total, self.closed = options, 0, options["total"], False
+            self.bar_format: object = options["bar_format"]
             made.append(self)
 
         def update(self, steps: int) -> None:
@@ -188,6 +188,7 @@ def test_bars_follow_the_events() -> None:
     ):
         bars(event)
     assert [(bar.options["desc"], bar.n, bar.total, bar.closed) for bar in made] == [("depth", 5, 8, False)]
+    assert made[0].bar_format is None
     bars(Event("done", "depth", seconds=1))
     bars(Event("begun", "light"))
     bars.close()

@@ -19,9 +19,10 @@ class Bars:
     def __call__(self, event: Event) -> None:
         if event.kind == "begun":
             self.close()
-            # Short stages show no bar.
-            self._bar = self._tqdm(total=1, desc=event.stage, leave=False, delay=0.2)
+            # Its name, until it reports steps.
+            self._bar = self._tqdm(total=1, desc=event.stage, leave=False, bar_format="{desc}")
         elif event.kind == "progress" and self._bar is not None:
+            self._bar.bar_format = None
             self._bar.total = event.total
             self._bar.update((event.done or 0) - self._bar.n)
         elif event.kind == "done":
