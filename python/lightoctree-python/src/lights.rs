@@ -50,10 +50,10 @@ fn fields<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound
     Ok(json(py, value)?.cast_into()?)
 }
 
-/// Converts a value to dictionaries, lists, strings and numbers.
+/// Converts a value to dictionaries, lists, strings and numbers, as the command line prints them.
 pub fn json<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
-    let text = serde_json::to_string(value).map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
-    py.import("json")?.call_method1("loads", (text,))
+    let value = serde_json::to_value(value).map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+    py.import("json")?.call_method1("loads", (value.to_string(),))
 }
 
 fn of_fields<'py>(class: &str, fields: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {

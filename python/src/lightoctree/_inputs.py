@@ -47,6 +47,8 @@ def image(argument: str, value: Any) -> str | bytes | NDArray[Any]:
         elif pixels.ndim == 3 and shape[2] == 4:
             hint = f"; leave out the alpha channel, for example {argument}[..., :3]"
         raise ValueError(f"{argument} has the shape {shape}; expected (height, width, 3){hint}")
+    if pixels.size == 0:
+        raise ValueError(f"{argument} has the shape {shape} and no pixels")
     if pixels.dtype.kind == "u" and pixels.dtype.itemsize <= 2:
         return np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
     if pixels.dtype.kind == "f":
@@ -62,6 +64,8 @@ def depth(value: Any) -> str | bytes:
     if values.ndim != 2:
         hint = "; remove the axes of length 1, for example by depth.squeeze()" if values.squeeze().ndim == 2 else ""
         raise ValueError(f"depth has the shape {values.shape}; expected (height, width){hint}")
+    if values.size == 0:
+        raise ValueError(f"depth has the shape {values.shape} and no pixels")
     if values.dtype.kind != "f":
         hint = "convert it to metres, for example depth / 1000 for millimetres"
         raise TypeError(f"depth is an array of {values.dtype}; {hint}")
