@@ -220,7 +220,7 @@ fn pictures(folder: &Path) -> Result {
     save("rgb.ppm", rgb.into(), ImageFormat::Pnm)?;
     save("depth16.pgm", deep_grey.into(), ImageFormat::Pnm)?;
 
-    for name in ["display_p3.heic", "pq.heic"] {
+    for name in ["display_p3.heic", "pq.heic", "display_p3.jxl", "linear.jxl", "lossy.jxl", "pq.jxl"] {
         let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/base/lo_imaging/tests/files").join(name);
         std::fs::copy(from, folder.join(name))?;
     }

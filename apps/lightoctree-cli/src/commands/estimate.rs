@@ -41,8 +41,8 @@ use crate::{output, report};
     lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
 #[command(mut_arg("output", |output| output.help("Scene file to write").value_name("SCENE")))]
 pub struct Args {
-    /// Photo: JPEG, HEIC, PNG, WebP, TIFF, BMP, GIF, PNM (sRGB, or by their colour profile) or HDR, EXR, PFM (linear);
-    /// or several of one room, with --depth and --poses
+    /// Photo: JPEG, HEIC, JPEG XL, PNG, WebP, TIFF, BMP, GIF, PNM (sRGB, or by their colour profile) or HDR, EXR, PFM
+    /// (linear); or several of one room, with --depth and --poses
     #[arg(required_unless_present = "depth")]
     photo: Vec<PathBuf>,
 

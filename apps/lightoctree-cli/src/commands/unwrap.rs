@@ -26,8 +26,8 @@ use crate::{output, report};
     surroundings. Use the panorama with `lightoctree estimate photo.jpg --panorama room.hdr`.")]
 #[command(mut_arg("output", |output| output.help("Panorama to write: .exr, .hdr or .pfm")))]
 pub struct Args {
-    /// Photos of the ball from one position at different exposures: JPEG, HEIC, PNG, TIFF, WebP, BMP, PNM (sRGB) or
-    /// HDR, EXR, PFM (linear)
+    /// Photos of the ball from one position at different exposures: JPEG, HEIC, JPEG XL, PNG, TIFF, WebP, BMP, PNM
+    /// (sRGB) or HDR, EXR, PFM (linear)
     #[arg(required = true, value_name = "PHOTO")]
     photos: Vec<PathBuf>,
 

@@ -20,6 +20,8 @@ pub enum Format {
     Pnm,
     /// HEIC and HEIF, with HEVC.
     Heic,
+    /// JPEG XL.
+    JpegXl,
     /// Radiance RGBE (`.hdr`, `.pic`).
     Hdr,
     /// OpenEXR.
@@ -44,6 +46,7 @@ impl Format {
             _ if starts(b"BM") => Self::Bmp,
             _ if starts(b"GIF8") => Self::Gif,
             [_, _, _, _, b'f', b't', b'y', b'p', ..] => Self::Heic,
+            _ if starts(&[0xff, 0x0a]) || starts(b"\0\0\0\x0cJXL \r\n\x87\n") => Self::JpegXl,
             _ if starts(b"#?") => Self::Hdr,
             _ if starts(&[0x76, 0x2f, 0x31, 0x01]) => Self::Exr,
             _ if starts(b"\x93NUMPY") => Self::Npy,
@@ -65,6 +68,7 @@ impl Format {
             "gif" => Self::Gif,
             "pnm" | "pbm" | "pgm" | "ppm" | "pam" => Self::Pnm,
             "heic" | "heif" | "hif" => Self::Heic,
+            "jxl" => Self::JpegXl,
             "hdr" | "pic" | "rgbe" => Self::Hdr,
             "exr" => Self::Exr,
             "pfm" => Self::Pfm,
@@ -91,6 +95,7 @@ impl fmt::Display for Format {
             Self::Gif => "GIF",
             Self::Pnm => "PNM",
             Self::Heic => "HEIC",
+            Self::JpegXl => "JPEG XL",
             Self::Hdr => "Radiance HDR",
             Self::Exr => "OpenEXR",
             Self::Pfm => "PFM",

@@ -26,6 +26,7 @@ mod generator;
 mod heic;
 mod image;
 mod jpeg;
+mod jpeg_xl;
 mod main_light;
 mod npy;
 mod npz;

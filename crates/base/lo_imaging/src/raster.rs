@@ -13,13 +13,14 @@ use crate::source_color::{self, SourceColor};
 use crate::stored_photo::{StoredPhoto, usable_color, usable_gain_map};
 use crate::{
     ColorProfile, EncodedPhoto, Format, GainMap, Image, ImageError, PartialPanorama, Photo, PhotoEncoding, PhotoFile,
-    PhotoNote, RadianceImage, cmyk, gain_map_read, heic, truncated, xmp,
+    PhotoNote, RadianceImage, cmyk, gain_map_read, heic, jpeg_xl, truncated, xmp,
 };
 
 /// Decodes 8-bit RGBA, upright. Colour profiles are ignored: glTF's textures are sRGB.
 pub(crate) fn rgba8(source: EncodedImage) -> Result<Image<[u8; 4]>, ImageError> {
     let decoded = match source.format {
         Format::Heic => heic::samples(source)?,
+        Format::JpegXl => jpeg_xl::samples(source)?,
         _ => samples(source)?,
     };
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
@@ -31,6 +32,7 @@ pub(crate) fn photo(source: EncodedImage) -> Result<PhotoFile, ImageError> {
     let mut notes = Vec::new();
     let StoredPhoto { pixels, color, mut exif, xmp, gain_map } = match source.format {
         Format::Heic => heic::photo(source, &mut notes)?,
+        Format::JpegXl => jpeg_xl::photo(source, &mut notes)?,
         _ => stored(source, &mut notes)?,
     };
     let focal = exif.as_deref().map(FocalLength::from_exif).unwrap_or_default();

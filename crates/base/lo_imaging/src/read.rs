@@ -7,15 +7,15 @@ use crate::pfm::Pfm;
 use crate::read_file::read_regular_file;
 use crate::unreadable::{self, Unreadable};
 use crate::{
-    DepthMap, Format, Image, ImageError, Photo, PhotoFile, PhotoNote, RadianceImage, depth, finite, heic, pfm, raster,
-    raster_decoder, rgbe,
+    DepthMap, Format, Image, ImageError, Photo, PhotoFile, PhotoNote, RadianceImage, depth, finite, heic, jpeg_xl, pfm,
+    raster, raster_decoder, rgbe,
 };
 
 /// Size limit of files: more than an image of [`MAX_PIXELS`](crate::MAX_PIXELS) can need.
 const MAX_FILE_BYTES: u64 = 16 << 30;
 
-/// Reads a photo: PNG, JPEG, WebP, TIFF, BMP, GIF (first frame), PNM and HEIC, upright, as sRGB or by their colour
-/// profile; HDR, EXR and PFM as linear radiance.
+/// Reads a photo: PNG, JPEG, WebP, TIFF, BMP, GIF (first frame), PNM, HEIC and JPEG XL, upright, as sRGB or by
+/// their colour profile; HDR, EXR and PFM as linear radiance.
 ///
 /// The format is detected from the content, else from the extension. 8-bit images stay 8-bit; palettes are resolved,
 /// grey becomes RGB, and alpha is dropped (the stored colour stays). Colour profiles, gain maps, EXIF and XMP of 8-bit
@@ -35,7 +35,7 @@ pub fn read_photo(path: impl AsRef<Path>) -> Result<PhotoFile, ImageError> {
 
 /// Like [`read_photo`], from memory. `name` appears in errors; its extension is used if the content is not recognised.
 pub fn photo_from_bytes(bytes: &[u8], name: &str) -> Result<PhotoFile, ImageError> {
-    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, GIF, PNM, HEIC, HDR, EXR or PFM")?;
+    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, GIF, PNM, HEIC, JPEG XL, HDR, EXR or PFM")?;
     catch_decoder_panic(source, || match source.format {
         Format::Hdr | Format::Exr | Format::Pfm => {
             let mut notes = Vec::new();
@@ -118,7 +118,7 @@ pub fn inverse_depth_from_bytes(bytes: &[u8], name: &str) -> Result<Image<f32>, 
 /// Formats of depth, for errors.
 const DEPTH_FORMATS: &str = "16-bit PNG, PGM, EXR, PFM, TIFF, NPY or NPZ";
 
-/// Reads 8-bit RGBA (PNG, JPEG, WebP, TIFF, BMP, GIF, PNM, HEIC) with straight alpha, 255 if the file has none.
+/// Reads 8-bit RGBA (PNG, JPEG, WebP, TIFF, BMP, GIF, PNM, HEIC, JPEG XL) with straight alpha; 255 if there is none.
 pub fn read_rgba8(path: impl AsRef<Path>) -> Result<Image<[u8; 4]>, ImageError> {
     let (bytes, name) = read_file(path.as_ref())?;
     rgba8_from_bytes(&bytes, &name)
@@ -126,7 +126,7 @@ pub fn read_rgba8(path: impl AsRef<Path>) -> Result<Image<[u8; 4]>, ImageError> 
 
 /// Like [`read_rgba8`], from memory, for textures of meshes.
 pub fn rgba8_from_bytes(bytes: &[u8], name: &str) -> Result<Image<[u8; 4]>, ImageError> {
-    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, GIF, PNM or HEIC")?;
+    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, GIF, PNM, HEIC or JPEG XL")?;
     catch_decoder_panic(source, || raster::rgba8(source))
 }
 
@@ -134,9 +134,10 @@ pub fn rgba8_from_bytes(bytes: &[u8], name: &str) -> Result<Image<[u8; 4]>, Imag
 ///
 /// The size is as stored, before the EXIF orientation is applied.
 pub fn size_from_bytes(bytes: &[u8], name: &str) -> Result<[u32; 2], ImageError> {
-    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, GIF, PNM or HEIC")?;
+    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, GIF, PNM, HEIC or JPEG XL")?;
     catch_decoder_panic(source, || match source.format {
         Format::Heic => heic::size(source),
+        Format::JpegXl => jpeg_xl::size(source),
         _ => raster_decoder::size(source),
     })
 }

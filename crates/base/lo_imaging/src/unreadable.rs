@@ -15,11 +15,6 @@ const AVIF: Unreadable = Unreadable {
     way_out: "convert it: `avifdec in.avif out.png` (libavif) or `ffmpeg -i in.avif out.png`",
 };
 
-const JPEG_XL: Unreadable = Unreadable {
-    format: "JPEG XL",
-    way_out: "convert it: `djxl in.jxl out.png` (libjxl); `djxl in.jxl out.jpg` restores a JPEG without loss",
-};
-
 const RAW: Unreadable = Unreadable {
     format: "camera raw",
     way_out: "develop it to a 16-bit TIFF, for example with darktable or RawTherapee",
@@ -50,7 +45,6 @@ pub(crate) fn recognise(bytes: &[u8], name: &str) -> Option<Unreadable> {
         None => {}
     }
     Some(match bytes {
-        _ if starts(&[0xff, 0x0a]) || starts(b"\0\0\0\x0cJXL \r\n\x87\n") => JPEG_XL,
         _ if starts(b"\0\0\0\x0cjP  \r\n\x87\n") || starts(&[0xff, 0x4f, 0xff, 0x51]) => JPEG_2000,
         _ if starts(b"\x1a\x45\xdf\xa3") || (starts(b"RIFF") && bytes.get(8..12) == Some(b"AVI ")) => VIDEO,
         _ if starts(b"%PDF") || starts(b"<svg") => VECTOR,
@@ -94,7 +88,6 @@ mod tests {
             (ftyp("avif"), "a", "AVIF"),
             (b"\0\0\0\x18ftypmif1\0\0\0\0heicavif".to_vec(), "a.heif", "AVIF"),
             (ftyp("qt  "), "a.mov", "video"),
-            (vec![0xff, 0x0a, 0, 0], "a.jxl", "JPEG XL"),
             (b"II*\0\x08\0\0\0".to_vec(), "a.NEF", "camera raw"),
             (b"8BPS\0\x01".to_vec(), "a.psd", "Photoshop or GIMP"),
         ] {

@@ -9,7 +9,7 @@ const MAX_BYTES = 256 * 2 ** 20;
 
 const MESHES = ["glb", "gltf", "obj", "ply", "stl"];
 const SCENES = ["scene", "safetensors"];
-const PHOTOS = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp", "gif", "pnm", "ppm", "pgm", "heic", "heif", "hif", "hdr", "exr", "pfm"];
+const PHOTOS = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp", "gif", "pnm", "ppm", "pgm", "heic", "heif", "hif", "jxl", "hdr", "exr", "pfm"];
 
 /** @param {File} file */
 const endingOf = (file) => file.name.toLowerCase().split(".").at(-1) ?? "";

@@ -5,6 +5,7 @@ mod color;
 mod damaged;
 mod exif;
 mod heic;
+mod jpeg_xl;
 mod numpy;
 mod real_files;
 mod round_trips;
