@@ -97,7 +97,9 @@ impl Package {
 pub fn cargo(folder: &Path, args: &[&str]) -> anyhow::Result<String> {
     let program = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let output = Command::new(program).current_dir(folder).args(args).output().context("cannot run cargo")?;
-    ensure!(output.status.success(), "cargo {}: {}", args.join(" "), String::from_utf8_lossy(&output.stderr));
+    let error = String::from_utf8_lossy(&output.stderr);
+    let hint = if error.contains("--offline was specified") { "run `cargo fetch` first\n" } else { "" };
+    ensure!(output.status.success(), "{hint}cargo {}: {error}", args.join(" "));
     String::from_utf8(output.stdout).context("cargo's output is not UTF-8")
 }
 
