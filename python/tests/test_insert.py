@@ -25,20 +25,21 @@ SUZANNE = ROOT / "crates/lightoctree/models/suzanne.glb"
             {"quality": "draft"},
             ["--mesh", "builtin:sphere", "--pixel", "270,290", "--quality", "draft"],
         ),
+        ({"mesh": "builtin:sphere", "pixel": (270, 290)}, {}, ["--mesh", "builtin:sphere", "--pixel", "270,290"]),
         (
             [
                 {"mesh": "builtin:tea-set", "position_m": (0, -0.6, -1.5), "yaw_deg": 30, "align": "none"},
                 {"mesh": SUZANNE, "pixel": (200, 310), "height_m": 0.2, "material": {"preset": "gold"}},
             ],
-            {"light": "expected", "floor_gloss": 0.5},
+            {"light": "expected", "floor_gloss": 0.5, "match_look": False},
             [
                 *("--mesh", "builtin:tea-set", "--at", "0,-0.6,-1.5", "--yaw-deg", 30, "--align", "none"),
                 *("--mesh", SUZANNE, "--pixel", "200,310", "--height", 0.2, "--material", "gold"),
-                *("--light", "expected", "--floor-gloss", 0.5),
+                *("--light", "expected", "--floor-gloss", 0.5, "--match-look", "off"),
             ],
         ),
     ],
-    ids=["draft", "two"],
+    ids=["draft", "normal", "two"],
 )
 def test_composites_are_those_of_the_command_line(
     objects: Any, options: dict[str, Any], arguments: list[object], scene: Scene, scene_file: Path, cli: Cli, tmp_path: Path
@@ -58,7 +59,7 @@ def test_composites_are_those_of_the_command_line(
     srgb = scene.photo / 255
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     below = linear * layers["shadow_ratio"] + layers.get("reflection", 0)
-    linear = np.clip(below * (1 - layers["alpha"][..., None]) + layers["object"], 0, 1)
+    linear = np.clip(below * (1 - layers["alpha"][..., None]) + layers["object"] + layers.get("grain", 0), 0, 1)
     srgb = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
     # Half a code of rounding, and that of f32.
     assert np.abs(255 * srgb - composite.image).max() < 0.51

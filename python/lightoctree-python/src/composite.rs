@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use lightoctree::imaging::{self, ExrOptions};
+use lightoctree::imaging::{self, ExrOptions, RadianceImage};
 use lightoctree::insert;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -10,6 +10,9 @@ use crate::arrays::{self, grey, rgb};
 use crate::errors::Failure;
 use crate::preview::png;
 use crate::signature;
+
+/// A layer that not all composites have.
+type OptionalLayer = fn(&insert::Composite) -> Option<&RadianceImage>;
 
 /// A photo with inserted objects, and its layers.
 #[pyclass(frozen, module = "lightoctree")]
@@ -33,9 +36,9 @@ impl Composite {
     }
 
     /// The layers by name, read-only float32 arrays: `object` (premultiplied radiance) and `shadow_ratio` [H, W, 3],
-    /// `alpha` and `occlusion` [H, W], and with a glossy floor `reflection` [H, W, 3].
+    /// `alpha` and `occlusion` [H, W]; with a glossy floor `reflection`, and in a photo with noise `grain` [H, W, 3].
     ///
-    /// The image is (photo · shadow_ratio + reflection) · (1 − alpha) + object, in linear light.
+    /// The image is (photo · shadow_ratio + reflection) · (1 − alpha) + object + grain, in linear light.
     #[getter]
     fn layers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let layers = PyDict::new(py);
@@ -43,12 +46,16 @@ impl Composite {
         layers.set_item("alpha", arrays::view(py, &self.0, |composite| grey(&composite.alpha))?)?;
         layers.set_item("shadow_ratio", arrays::view(py, &self.0, |composite| rgb(&composite.shadow_ratio))?)?;
         layers.set_item("occlusion", arrays::view(py, &self.0, |composite| grey(&composite.occlusion))?)?;
-        if self.0.reflection.is_some() {
-            let reflection = arrays::view(py, &self.0, |composite| match &composite.reflection {
-                Some(image) => rgb(image),
-                None => (&[][..], vec![0, 0, 3]),
-            })?;
-            layers.set_item("reflection", reflection)?;
+        let optional: [(&str, OptionalLayer); 2] = [
+            ("reflection", |composite| composite.reflection.as_ref()),
+            ("grain", |composite| composite.grain.as_ref()),
+        ];
+        for (name, layer) in optional {
+            if layer(&self.0).is_some() {
+                let none = || (&[][..], vec![0, 0, 3]);
+                layers
+                    .set_item(name, arrays::view(py, &self.0, |composite| layer(composite).map_or_else(none, rgb))?)?;
+            }
         }
         Ok(layers)
     }

@@ -23,6 +23,7 @@ pub struct Insertion {
     source: Source,
     quality: Quality,
     floor_gloss: Option<f32>,
+    match_look: bool,
 }
 
 /// Where the objects come from.
@@ -41,6 +42,7 @@ impl Insertion {
         objects: Option<&Bound<'_, PyAny>>,
         quality: Quality,
         floor_gloss: Option<f64>,
+        match_look: bool,
     ) -> PyResult<Self> {
         if let Some(gloss) = floor_gloss.filter(|gloss| !(0.0..=1.0).contains(gloss)) {
             return Err(PyValueError::new_err(format!("floor_gloss must be from 0 to 1, not {gloss}")));
@@ -55,7 +57,7 @@ impl Insertion {
                 return Err(PyValueError::new_err("nothing to insert: the scene has no objects, give some"));
             }
         };
-        Ok(Self { document, source, quality, floor_gloss: floor_gloss.map(|gloss| gloss as f32) })
+        Ok(Self { document, source, quality, floor_gloss: floor_gloss.map(|gloss| gloss as f32), match_look })
     }
 
     /// Prepares a single image.
@@ -111,6 +113,7 @@ impl Insertion {
         report.fit.warning().iter().for_each(|warning| reporter.warn(warning));
         let floor_gloss = self.floor_gloss.unwrap_or(saved.unwrap_or_default().floor_gloss);
         let inserter = Inserter::new(&lit, Lighting::Octree, self.quality)?.with_floor_gloss(floor_gloss);
+        let inserter = if self.match_look { inserter.with_photo_look() } else { inserter };
         Ok(Prepared { inserter, models, names, placements, frames })
     }
 }

@@ -181,9 +181,14 @@ impl Scene {
     ///     "even", "expected" or "plausible". Default: that of the scene, else "plausible".
     /// floor_gloss
     ///     Gloss of the surface under an object, from 0 to 1. Default: 0, or that saved with the scene's own objects.
+    /// match_look
+    ///     Whether the objects get the photo's sharpness and grain; drafts never do.
     /// on_event
     ///     As for `estimate`.
-    #[pyo3(signature = (objects = None, *, quality = "normal", light = None, floor_gloss = None, on_event = None))]
+    #[pyo3(signature = (
+        objects = None, *, quality = "normal", light = None, floor_gloss = None, match_look = true, on_event = None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn insert(
         &self,
         py: Python<'_>,
@@ -191,9 +196,10 @@ impl Scene {
         quality: &str,
         light: Option<&str>,
         floor_gloss: Option<f64>,
+        match_look: bool,
         on_event: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Composite> {
-        let insertion = self.insertion(py, objects, quality, light, floor_gloss)?;
+        let insertion = self.insertion(py, objects, quality, light, floor_gloss, match_look)?;
         job::run(py, Handler::new(on_event), |reporter| insertion.image(reporter)?.render(0, reporter))
     }
 
@@ -202,7 +208,8 @@ impl Scene {
     /// `frames` is their number, at equal time steps along the paths; by default that saved with the scene's own
     /// objects. The other parameters are those of `insert`.
     #[pyo3(signature = (
-        objects = None, frames = None, *, quality = "normal", light = None, floor_gloss = None, on_event = None
+        objects = None, frames = None, *, quality = "normal", light = None, floor_gloss = None, match_look = true,
+        on_event = None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn sequence(
@@ -213,12 +220,13 @@ impl Scene {
         quality: &str,
         light: Option<&str>,
         floor_gloss: Option<f64>,
+        match_look: bool,
         on_event: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Sequence> {
         if let Some(frames) = frames.filter(|frames| !(1..=MAX_FRAMES).contains(frames)) {
             return Err(PyValueError::new_err(format!("frames must be from 1 to {MAX_FRAMES}, not {frames}")));
         }
-        let insertion = self.insertion(py, objects, quality, light, floor_gloss)?;
+        let insertion = self.insertion(py, objects, quality, light, floor_gloss, match_look)?;
         let frames = frames.map(|frames| frames as usize);
         let prepared = job::run(py, Handler::new(on_event), move |reporter| insertion.sequence(frames, reporter))?;
         Ok(Sequence::new(prepared, on_event))
@@ -312,11 +320,12 @@ impl Scene {
         quality: &str,
         light: Option<&str>,
         floor_gloss: Option<f64>,
+        match_look: bool,
     ) -> PyResult<Insertion> {
         let quality = choice::quality(quality)?;
         let mut document = self.document(py);
         choose_light(&mut document, light)?;
-        Insertion::new(py, document, objects, quality, floor_gloss)
+        Insertion::new(py, document, objects, quality, floor_gloss, match_look)
     }
 
     /// Renders a panorama.

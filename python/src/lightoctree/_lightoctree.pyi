@@ -93,6 +93,7 @@ class Scene:
         quality: _Quality = "normal",
         light: _LightMode | None = None,
         floor_gloss: float | None = None,
+        match_look: bool = True,
         on_event: Callable[[Event], object] | None = None,
     ) -> Composite: ...
     def sequence(
@@ -103,6 +104,7 @@ class Scene:
         quality: _Quality = "normal",
         light: _LightMode | None = None,
         floor_gloss: float | None = None,
+        match_look: bool = True,
         on_event: Callable[[Event], object] | None = None,
     ) -> Sequence: ...
     @property

@@ -175,6 +175,7 @@ fn insert_objects(
     let object_base = Base::new(&gold);
     let place = base.scaled(scale).settled(scene, &object_base);
     let inserter = stages.stage("prepare light", || Inserter::new(scene, Lighting::Octree, Quality::Normal))?;
+    let inserter = inserter.with_photo_look();
     for material in ["gold", "chrome", "matte-white"] {
         let object = model(material)?;
         let composite = stages.stage(&format!("insert {material} object"), || {

@@ -1,5 +1,6 @@
 //! `lightoctree insert SCENE`: inserts virtual objects into the photo.
 
+mod map;
 mod objects;
 
 use std::ops::ControlFlow;
@@ -7,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use lightoctree::{Document, Estimate, Event, LightPurpose, LitScene, Models, Warning};
-use lo_geometry::{Orientation, Vec3};
+use lo_geometry::Vec3;
 use lo_imaging as imaging;
 use lo_imaging::{ExrOptions, Image, RadianceImage};
 use lo_insert::{Composite, InsertError, InsertWarning, Inserter, Instance, Layout, Lighting, Placement, Quality};
@@ -15,8 +16,8 @@ use lo_mesh::{Material, PreparedModel};
 use lo_scene::ObjectDisplay;
 use serde_json::json;
 
+use self::map::MapArgs;
 use self::objects::ObjectArgs;
-use super::environment::ORIENTATIONS;
 use super::light::LightArgs;
 use super::parse;
 use super::video::{self, Video};
@@ -60,13 +61,8 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     fps: Option<u32>,
 
-    /// Light of the objects: `octree`, or `envmap:FILE` with an equirectangular .exr, .hdr or .pfm file
-    #[arg(long, value_name = "octree|envmap:FILE", default_value = "octree")]
-    lighting: String,
-
-    /// Orientation of the map of --lighting envmap:FILE, named after a program that uses it [default: lightoctree]
-    #[arg(long, value_name = "NAME", value_parser = choice(&ORIENTATIONS))]
-    orientation: Option<Orientation>,
+    #[command(flatten)]
+    map: MapArgs,
 
     #[command(flatten)]
     light: LightArgs,
@@ -80,9 +76,17 @@ pub struct Args {
     #[arg(long, value_name = "G", value_parser = parse::share, allow_hyphen_values = true)]
     floor_gloss: Option<f64>,
 
+    /// Strength of shadows and bounced light on the photo, an exponent: 0 for none, 2 for twice as many stops
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse::shadow_strength, allow_hyphen_values = true)]
+    shadow_strength: f64,
+
     /// Rendering quality
     #[arg(long, value_name = "QUALITY", default_value = "normal", value_parser = choice(&QUALITIES))]
     quality: Quality,
+
+    /// Give the objects the photo's sharpness and grain; drafts never have them
+    #[arg(long, value_name = "on|off", default_value = "on", action = clap::ArgAction::Set, value_parser = choice(&ON_OR_OFF))]
+    match_look: bool,
 
     /// Seconds after which --quality high stops and an image of normal quality is written, as after Ctrl-C [default:
     /// none]
@@ -115,6 +119,10 @@ static QUALITIES: [Choice<Quality>; 3] = [
     ("high", Quality::High, "Final images: up to minutes for large photos"),
 ];
 
+/// Values of `--match-look`.
+static ON_OR_OFF: [Choice<bool>; 2] =
+    [("on", true, "As sharp and as grainy as the photo"), ("off", false, "As rendered")];
+
 const COMMAND: &str = "insert";
 
 /// Reads the objects and the scene, places the objects, applies the light, renders and writes.
@@ -127,19 +135,30 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         return Err(Usage("SCENE and --output are required".into()).into());
     };
     let mut stages = Stages::new(global.quiet);
-    let Request { layout, source, shown, frames, lighting } = Request::read(args, scene, output, &stages)?;
+    let Request { layout, source, shown, frames, map } = Request::read(args, scene, output, &stages)?;
     stages.name_objects(&names(&layout));
     let (mut document, models) = read(scene, &layout, source, &mut stages)?;
     let objects = Objects::place(&layout, &models, &document.estimate, frames.len())?;
-    let scene = match lighting {
-        Lighting::Octree => {
-            args.light.lit(&mut document, LightPurpose::Objects { at_m: objects.centre_m() }, &mut stages)?
+    let (scene, lighting) = match map {
+        None => {
+            let purpose = LightPurpose::Objects { at_m: objects.centre_m() };
+            (args.light.lit(&mut document, purpose, &mut stages)?, Lighting::Octree)
         }
-        Lighting::EnvironmentMap(_) => LitScene::as_estimated(document.estimate),
+        Some(map) => {
+            let map = args.map.adapted(map, &document, objects.centre_m(), &mut stages)?;
+            (LitScene::as_estimated(document.estimate), Lighting::EnvironmentMap(map))
+        }
     };
     let floor_gloss = args.floor_gloss.map_or(shown.floor_gloss, |gloss| gloss as f32);
     let with_detail = !args.no_detail;
-    let light = Light { scene: &scene, lighting, floor_gloss, with_detail };
+    let light = Light {
+        scene: &scene,
+        lighting,
+        floor_gloss,
+        with_detail,
+        match_look: args.match_look,
+        shadow_strength: args.shadow_strength as f32,
+    };
     let fallback = match &frames[..] {
         [_] if args.quality == Quality::High => light.fallback(&objects, args.layers.is_some(), &mut stages)?,
         _ => None,
@@ -169,7 +188,8 @@ struct Request {
     /// How the objects are shown, as saved in the scene.
     shown: ObjectDisplay,
     frames: Vec<FrameFiles>,
-    lighting: Lighting,
+    /// The map that lights the objects instead of the octree.
+    map: Option<RadianceImage>,
 }
 
 /// Where the objects come from.
@@ -206,13 +226,13 @@ impl Request {
         };
         let count = frame_count(args, &layout, saved)?;
         let frames = frame_files(args, output, count, layout.moves())?;
-        let lighting = lighting(&args.lighting, args.orientation, stages)?;
-        if matches!(lighting, Lighting::EnvironmentMap(_)) && args.light.is_given() {
+        let map = args.map.read(stages)?;
+        if map.is_some() && args.light.is_given() {
             let message =
                 "--light, --contrast, --warmth and --white apply to the octree's light; --lighting replaces it";
             return Err(Usage(message.into()).into());
         }
-        Ok(Self { layout, source, shown: saved.unwrap_or_default(), frames, lighting })
+        Ok(Self { layout, source, shown: saved.unwrap_or_default(), frames, map })
     }
 }
 
@@ -276,6 +296,8 @@ struct Light<'a> {
     lighting: Lighting,
     floor_gloss: f32,
     with_detail: bool,
+    match_look: bool,
+    shadow_strength: f32,
 }
 
 /// A finished image that replaces one that takes too long, with its warnings.
@@ -283,8 +305,11 @@ type Fallback = (Composite, Vec<Arc<dyn Warning>>);
 
 impl Light<'_> {
     fn inserter(&self, quality: Quality) -> Result<Inserter, InsertError> {
-        let inserter = Inserter::new(self.scene, self.lighting.clone(), quality)?.with_floor_gloss(self.floor_gloss);
-        Ok(if self.with_detail { inserter } else { inserter.without_detail() })
+        let inserter = Inserter::new(self.scene, self.lighting.clone(), quality)?
+            .with_floor_gloss(self.floor_gloss)
+            .with_shadow_strength(self.shadow_strength);
+        let inserter = if self.with_detail { inserter } else { inserter.without_detail() };
+        Ok(if self.match_look { inserter.with_photo_look() } else { inserter })
     }
 
     /// Renders the image of normal quality that is written if rendering at high quality is cancelled.
@@ -459,6 +484,7 @@ fn without_layers(composite: Composite) -> Composite {
         alpha: zero.clone(),
         shadow_ratio: black,
         reflection: None,
+        grain: None,
         occlusion: zero,
         image: composite.image,
     }
@@ -552,32 +578,6 @@ fn unicode<'a>(path: &'a Path, option: &str) -> anyhow::Result<&'a str> {
     Ok(path.to_str().ok_or_else(|| Usage(format!("{option}: the file name is not valid Unicode")))?)
 }
 
-/// Parses `--lighting`, and reads its map.
-fn lighting(text: &str, orientation: Option<Orientation>, stages: &Stages) -> anyhow::Result<Lighting> {
-    if text == "octree" {
-        return match orientation {
-            None => Ok(Lighting::Octree),
-            Some(_) => Err(Usage("--orientation applies to the map of --lighting envmap:FILE only".into()).into()),
-        };
-    }
-    let Some(path) = text.strip_prefix("envmap:") else {
-        return Err(Usage(format!("--lighting {text}: must be `octree` or `envmap:FILE`")).into());
-    };
-    let file = imaging::read_photo(path)?;
-    stages.photo_notes([(Path::new(path), &file)]);
-    let map = file.photo.into_radiance();
-    if map.width() != 2 * map.height() {
-        return Err(Usage(format!(
-            "{path} is {} × {}: the width of an equirectangular map must be twice its height",
-            map.width(),
-            map.height()
-        ))
-        .into());
-    }
-    let from = orientation.unwrap_or(Orientation::Lightoctree);
-    Ok(Lighting::EnvironmentMap(imaging::reorient(&map, from, Orientation::Lightoctree)))
-}
-
 fn write_layers(path: &Path, composite: &Composite) -> anyhow::Result<()> {
     let size = (composite.alpha.width(), composite.alpha.height());
     let options = ExrOptions { generator: output::signature(COMMAND), ..ExrOptions::default() };
@@ -600,37 +600,5 @@ mod tests {
         }
         assert_eq!(single_name(Path::new("50%.png"), "-o").unwrap(), Path::new("50%.png"));
         assert!(single_name(Path::new("a_%04d.png"), "-o").unwrap_err().is::<Usage>());
-    }
-
-    #[test]
-    fn lighting_is_octree_or_a_map() {
-        let quiet = Stages::new(true);
-        assert!(matches!(lighting("octree", None, &quiet), Ok(Lighting::Octree)));
-        assert!(lighting("octree", Some(Orientation::Blender), &quiet).err().unwrap().is::<Usage>());
-        assert!(lighting("sun", None, &quiet).err().unwrap().is::<Usage>());
-        assert!(lighting("envmap:no/such.exr", None, &quiet).is_err());
-    }
-
-    #[test]
-    fn maps_are_reoriented() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("map.hdr");
-        // A bright column where the other program has our right side (+X).
-        for (orientation, column) in [
-            (Orientation::Lightoctree, 12),
-            (Orientation::Openexr, 4),
-            (Orientation::Threejs, 8),
-            (Orientation::Blender, 8),
-        ] {
-            let map = RadianceImage::from_fn(16, 8, |x, _| [if x == column { 8.0 } else { 0.25 }; 3]);
-            imaging::write_radiance(&file, &map, &ExrOptions::default()).unwrap();
-            let Ok(Lighting::EnvironmentMap(read)) =
-                lighting(&format!("envmap:{}", file.display()), Some(orientation), &Stages::new(true))
-            else {
-                panic!("{orientation:?}")
-            };
-            let right = lo_geometry::uv_from_direction(Vec3::new(1.0, 0.0, 0.01).normalize()).x * 16.0;
-            assert_eq!(read[(right as usize, 4)], [8.0; 3], "{orientation:?}");
-        }
     }
 }

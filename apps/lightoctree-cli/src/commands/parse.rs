@@ -159,6 +159,14 @@ pub fn warmth(text: &str) -> Result<f64, String> {
     within(text, 4.0, "stops")
 }
 
+/// Parses a strength of shadows from 0 to 4.
+pub fn shadow_strength(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=4.0).contains(&value) => Ok(value),
+        _ => Err("must be a number from 0 to 4".to_owned()),
+    }
+}
+
 /// Parses a number above 0 and at most 10¹².
 pub fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;

@@ -418,6 +418,28 @@ fn a_panorama_in_another_programs_axes_lights_as_in_ours() {
     let [ours, blender, openexr] =
         ["lightoctree.png", "blender.png", "openexr.png"].map(|file| std::fs::read(at.join(file)).unwrap());
     assert!(ours == blender && ours == openexr);
+
+    // four times as bright a map gives the same image, unless its own level is asked for
+    let map = imaging::read_radiance(at.join("lightoctree.exr")).unwrap();
+    let bright = map.map(|rgb| rgb.map(|v| 4.0 * v));
+    imaging::write_radiance(at.join("bright.exr"), &bright, &imaging::ExrOptions::default()).unwrap();
+    let insert = |map: &str, file: &str, more: &[&str]| {
+        let args = ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,95"];
+        let light = ["--quality", "draft", "--lighting", map, "-o", file];
+        done(at, &[&args[..], &light, more].concat());
+        imaging::read_rgba8(at.join(file)).unwrap()
+    };
+    let plain = insert("envmap:lightoctree.exr", "plain.png", &[]);
+    let levelled = insert("envmap:bright.exr", "levelled.png", &[]);
+    assert!(plain.pixels().iter().flatten().zip(levelled.pixels().iter().flatten()).all(|(a, b)| a.abs_diff(*b) <= 1));
+    let own = insert("envmap:lightoctree.exr", "own.png", &["--lighting-level", "file"]);
+    let darker = ["--lighting-level", "file", "--lighting-ev", "-2"];
+    assert_eq!(insert("envmap:bright.exr", "darker.png", &darker).pixels(), own.pixels());
+    assert_ne!(insert("envmap:bright.exr", "brighter.png", &darker[..2]).pixels(), own.pixels());
+    // a full turn changes nothing, half a turn does
+    let turned = |deg: &str, file: &str| insert("envmap:lightoctree.exr", file, &["--lighting-yaw-deg", deg]);
+    assert_eq!(turned("-360", "round.png").pixels(), plain.pixels());
+    assert_ne!(turned("180", "half.png").pixels(), plain.pixels());
 }
 
 #[test]

@@ -3,7 +3,7 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use lo_events::{Cancelled, OnEvent, progress, stage, stage_of_steps, warn};
-use lo_geometry::Vec3;
+use lo_geometry::{Vec2, Vec3};
 use lo_imaging::{BlackBars, Image, Photo, RadianceImage};
 use lo_scene::{DistortedPhoto, Frame, LitScene};
 use rayon::prelude::*;
@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::light::aperture::cone_tangent;
 use crate::light::environment::Environment;
 use crate::light::gather::{Gatherer, object_lights};
+use crate::look::Look;
 use crate::matte::alpha::Matte;
 use crate::objects::object::Object;
 use crate::objects::patches::{self, patches};
@@ -60,6 +61,10 @@ pub struct Inserter {
     up: Vec3,
     /// Gloss of the supporting surface; 0 for no reflection.
     floor_gloss: f32,
+    /// Exponent of the shadow ratio.
+    shadow_strength: f32,
+    /// The photo's sharpness and grain, if objects get them.
+    look: Option<Look>,
 }
 
 impl Inserter {
@@ -110,6 +115,8 @@ impl Inserter {
             room: RoomSize::new(scene),
             up,
             floor_gloss: 0.0,
+            shadow_strength: 1.0,
+            look: None,
         })
     }
 
@@ -124,6 +131,24 @@ impl Inserter {
     #[must_use]
     pub fn with_floor_gloss(self, floor_gloss: f32) -> Self {
         Self { floor_gloss: floor_gloss.clamp(0.0, 1.0), ..self }
+    }
+
+    /// Sets the strength of shadow and bounced light on the photo, an exponent of the shadow ratio: 0 for none, 1 (the
+    /// default) for what the light gives, 2 for twice as many stops.
+    #[must_use]
+    pub fn with_shadow_strength(self, shadow_strength: f32) -> Self {
+        Self { shadow_strength: shadow_strength.max(0.0), ..self }
+    }
+
+    /// Gives the objects the photo's sharpness at their place and depth, and its grain, except in drafts.
+    #[must_use]
+    pub fn with_photo_look(mut self) -> Self {
+        if !self.counts.photo_look {
+            return self;
+        }
+        let photo = self.distorted.as_ref().map_or(&self.frame.photo, |(distorted, _)| &distorted.photo);
+        self.look = Some(Look::measure(&self.frame, photo));
+        self
     }
 
     /// Disables the photo's [`Detail`](lo_lookup::Detail): reflections of unobserved regions stay as smooth as the
@@ -142,7 +167,7 @@ impl Inserter {
         self.frame.camera = self.frame.camera.resized(photo.width() as u32, photo.height() as u32);
         self.frame.photo = photo;
         self.distorted = None;
-        self
+        if self.look.is_some() { self.with_photo_look() } else { self }
     }
 
     /// Renders one image with objects that shadow, hide, light and mirror one another. Their order does not matter;
@@ -278,7 +303,13 @@ impl Inserter {
             (view, occluder_colours)
         })?;
         let radiance = stage_of_steps(on_event, stages::SHADING, |on_event| shader.shade(&view.fragments, on_event))?;
-        layers.add(&view, &radiance);
+        match &self.look {
+            Some(look) => {
+                let blurs_px: Vec<f32> = objects.iter().map(|object| self.blur_px(look, object)).collect();
+                layers.add_softened(&view, &radiance, &blurs_px);
+            }
+            None => layers.add(&view, &radiance),
+        }
         for (pixel, (sum, count)) in occluder_colours {
             let linear = |colour: Vec3| Vec3::from(colour.to_array().map(lo_imaging::linear_from_srgb));
             layers.clear_edge(pixel, (linear(sum / count) - linear(self.colour(pixel))) * self.frame.exposure);
@@ -303,6 +334,14 @@ impl Inserter {
         }
     }
 
+    /// Returns the blur of an object by the photo's sharpness around its middle, in pixels.
+    fn blur_px(&self, look: &Look, object: &Object) -> f32 {
+        let camera = &self.frame.camera;
+        let Some((u, v, depth_m)) = camera.project(object.centre_m) else { return 0.0 };
+        let at = Vec2::new(u as f32, v as f32) / camera.width.max(camera.height) as f32;
+        look.sharpness.blur_px(at, depth_m as f32)
+    }
+
     /// Returns the side in pixels of the blocks that share diffuse light; they cover a similar part of large and
     /// small photos.
     fn shade_stride(&self) -> usize {
@@ -322,6 +361,9 @@ impl Inserter {
                 let u = (x as f32 + 0.5) / width as f32;
                 let seen = || Some(self.occluders.at(f64::from(u), f64::from(v))?.position_m);
                 *ratio = shadow.for_photo(u, v, seen).to_array();
+                if self.shadow_strength != 1.0 {
+                    *ratio = ratio.map(|share| share.max(0.0).powf(self.shadow_strength));
+                }
             }
         });
         if let Some(bars) = self.bars {
@@ -344,6 +386,7 @@ impl Inserter {
             reflection = reflection.map(|image| back.layer(&image, Vec3::ZERO));
         }
         let reflection = reflection.map(|image| image.map(|radiance| radiance.to_array()));
-        Composite::new(photo, exposure, layers, ratio, reflection)
+        let grain = self.look.as_ref().and_then(|look| look.grain.as_ref());
+        Composite::new(photo, exposure, layers, ratio, reflection, grain)
     }
 }

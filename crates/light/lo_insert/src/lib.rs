@@ -13,7 +13,7 @@
 //! 5. *Shading*: glTF's metallic-roughness BSDF (`lo_bsdf`) under the light at each visible point (`gather`,
 //!    `shade`).
 //! 6. *Composite*: photo × ratio, with the objects' reflection in glossy supports (`gloss`), under the objects
-//!    (`composite`).
+//!    (`composite`), which may get the photo's sharpness and grain (`look`).
 //!
 //! All sample patterns are fixed in the world, on an object or on the pixel grid. Nothing is random, so sequences do
 //! not flicker.
@@ -22,6 +22,7 @@ mod batches;
 mod error;
 mod inserter;
 mod light;
+mod look;
 mod matte;
 mod objects;
 mod pattern;

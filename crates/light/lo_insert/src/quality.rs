@@ -20,6 +20,7 @@ use crate::shade::visibility::AdaptiveCoverage;
 /// | side of the object's shadow map from each of those, texels | 16 | 32 | (rays) |
 /// | longer side of the shadow map | 128 | 480 | 512, 2048 where it is not smooth |
 /// | longer side of the shadow map for light reflected to the object | 64 | 80 | 512 |
+/// | the photo's sharpness and grain, if asked for | no | yes | yes |
 /// | points that represent the object's bounced light | 192 | 512 | 1536 |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -73,6 +74,8 @@ pub(crate) struct Counts {
     pub share_light_visibility: bool,
     /// Whether reflections use the photo where it observes what they meet, and its detail in unobserved regions.
     pub photo_lookup: bool,
+    /// Whether objects get the photo's sharpness and grain, if asked for.
+    pub photo_look: bool,
 }
 
 impl Quality {
@@ -99,6 +102,7 @@ impl Quality {
                 negligible: 0.02,
                 share_light_visibility: true,
                 photo_lookup: false,
+                photo_look: false,
             },
             Self::Normal => Counts {
                 coverage: 8,
@@ -121,6 +125,7 @@ impl Quality {
                 negligible: 0.004,
                 share_light_visibility: true,
                 photo_lookup: true,
+                photo_look: true,
             },
             Self::High => Counts {
                 coverage: 16,
@@ -143,6 +148,7 @@ impl Quality {
                 negligible: 0.003,
                 share_light_visibility: false,
                 photo_lookup: true,
+                photo_look: true,
             },
         }
     }

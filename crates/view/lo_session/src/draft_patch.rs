@@ -143,6 +143,7 @@ mod tests {
                 |x, y| if y == 4 && x > 5 { [0.5; 3] } else { [1.0; 3] },
             ),
             reflection: None,
+            grain: None,
             occlusion: Image::new(width, height, vec![0.0; width * height]),
         }
     }

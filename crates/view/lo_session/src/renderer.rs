@@ -145,13 +145,8 @@ impl Renderer {
                 let is_unprepared = last.is_some() && step == RenderStep::Moving;
                 let new = if is_unprepared { Inserter::unprepared } else { Inserter::new };
                 let inserter = new(&at_side(&lit, side), Lighting::Octree, step.quality())?;
-                let cached = CachedInserter {
-                    lit,
-                    floor_gloss,
-                    side,
-                    inserter: inserter.with_floor_gloss(floor_gloss),
-                    is_unprepared,
-                };
+                let inserter = inserter.with_floor_gloss(floor_gloss).with_photo_look();
+                let cached = CachedInserter { lit, floor_gloss, side, inserter, is_unprepared };
                 self.inserters.insert(step, cached);
                 return Ok(());
             }

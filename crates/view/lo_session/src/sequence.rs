@@ -34,7 +34,8 @@ impl Sequence {
         let lit = scenes.lit(state)?;
         let photo = &lit.frame.photo;
         let size = (photo.width(), photo.height());
-        let inserter = Inserter::new(&lit, Lighting::Octree, quality)?.with_floor_gloss(state.floor_gloss);
+        let inserter = Inserter::new(&lit, Lighting::Octree, quality)?;
+        let inserter = inserter.with_floor_gloss(state.floor_gloss).with_photo_look();
         Ok(Self { inserter, models, placements, size, frames })
     }
 

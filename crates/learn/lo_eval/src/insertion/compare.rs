@@ -133,6 +133,7 @@ mod tests {
             alpha: Image::from_fn(16, 16, |x, _| if x >= 8 { 1.0 } else { 0.0 }),
             shadow_ratio: RadianceImage::from_fn(16, 16, |x, y| [shadow(x, y); 3]),
             reflection: None,
+            grain: None,
             occlusion: Image::from_fn(16, 16, |_, _| 0.0),
         }
     }

@@ -1,9 +1,12 @@
 use std::sync::LazyLock;
 
 use lo_geometry::Vec3;
-use lo_imaging::{ChannelGroup, EncodedPhoto, Image, Photo, RadianceImage, linear_from_srgb8};
+use lo_imaging::{
+    ChannelGroup, EncodedPhoto, Image, Photo, RadianceImage, linear_from_srgb, linear_from_srgb8, srgb_from_linear,
+};
 use rayon::prelude::*;
 
+use crate::look::{Cover, Grain, softened};
 use crate::shade::redistortion::Redistortion;
 use crate::shade::visibility::{Hidden, TileView};
 
@@ -15,7 +18,7 @@ pub struct Composite {
     /// Linear RGB radiance of the objects, premultiplied by `alpha`. Along soft edges of occluders, the photo's old
     /// background is subtracted, so that it can be negative.
     ///
-    /// The composite is `(photo · shadow_ratio + reflection) · (1 − alpha) + object`.
+    /// The composite is `(photo · shadow_ratio + reflection) · (1 − alpha) + object + grain`.
     pub object: RadianceImage,
     /// Share of each pixel that shows an object, in [0, 1].
     pub alpha: Image<f32>,
@@ -24,6 +27,9 @@ pub struct Composite {
     /// Linear RGB radiance that the objects' reflection in a glossy support adds to the photo, negative where it
     /// hides an earlier reflection. `None` without gloss.
     pub reflection: Option<RadianceImage>,
+    /// Linear RGB radiance that the photo's grain adds to the objects. `None` if it is not matched, or the photo has
+    /// none.
+    pub grain: Option<RadianceImage>,
     /// Share of each pixel in which real surfaces hide an object, in [0, 1].
     pub occlusion: Image<f32>,
 }
@@ -56,6 +62,35 @@ impl Layers {
         }
     }
 
+    /// Like [`add`](Self::add), with each object blurred by a standard deviation in pixels.
+    pub fn add_softened(&mut self, view: &TileView, radiance: &[Vec3], blurs_px: &[f32]) {
+        for (object, &blur_px) in blurs_px.iter().enumerate() {
+            let shown = view.fragments.iter().zip(radiance).filter(|(fragment, _)| fragment.object == object);
+            let hidden = view.hidden.iter().filter(|hidden| hidden.object == object);
+            let pixels = shown.clone().map(|(fragment, _)| fragment.pixel).chain(hidden.clone().map(|h| h.pixel));
+            let Some(window) = Window::around(pixels, blur_px, [self.alpha.width(), self.alpha.height()]) else {
+                continue;
+            };
+            let mut cover =
+                Image::new(window.width, window.height, vec![Cover::default(); window.width * window.height]);
+            for (fragment, radiance) in shown {
+                let pixel = &mut cover[window.inside(fragment.pixel)];
+                pixel.radiance += *radiance * fragment.weight;
+                pixel.visible = (pixel.visible + fragment.weight).min(1.0);
+            }
+            for hidden in hidden {
+                cover[window.inside(hidden.pixel)].hidden += hidden.share;
+            }
+            let cover = if blur_px < LEAST_BLUR_PX { cover } else { softened(&cover, blur_px) };
+            for (i, pixel) in cover.pixels().iter().enumerate() {
+                let at = (window.left + i % window.width, window.top + i / window.width);
+                self.object[at] += pixel.radiance;
+                self.alpha[at] = (self.alpha[at] + pixel.visible).min(1.0);
+                self.occlusion[at] += pixel.hidden;
+            }
+        }
+    }
+
     /// Distorts the layers back to the photo as its lens took it.
     pub fn distorted(self, back: &Redistortion) -> Self {
         Self {
@@ -78,6 +113,36 @@ impl Layers {
         if self.alpha[pixel] > 0.0 {
             self.object[pixel] += change * self.occlusion[pixel];
         }
+    }
+}
+
+/// Blur that is not visible, pixels.
+const LEAST_BLUR_PX: f32 = 0.25;
+
+/// Pixels that an object reaches.
+struct Window {
+    left: usize,
+    top: usize,
+    width: usize,
+    height: usize,
+}
+
+impl Window {
+    /// Returns the pixels within the reach of a blur; `None` around none.
+    fn around(pixels: impl Iterator<Item = (usize, usize)>, blur_px: f32, size: [usize; 2]) -> Option<Self> {
+        let reach = (3.0 * blur_px).ceil() as usize;
+        let bounds = pixels.fold(None, |bounds: Option<[usize; 4]>, (x, y)| {
+            let [left, top, right, bottom] = bounds.unwrap_or([x, y, x, y]);
+            Some([left.min(x), top.min(y), right.max(x), bottom.max(y)])
+        });
+        let [left, top, right, bottom] = bounds?;
+        let (left, top) = (left.saturating_sub(reach), top.saturating_sub(reach));
+        let (right, bottom) = ((right + reach + 1).min(size[0]), (bottom + reach + 1).min(size[1]));
+        Some(Self { left, top, width: right - left, height: bottom - top })
+    }
+
+    fn inside(&self, (x, y): (usize, usize)) -> (usize, usize) {
+        (x - self.left, y - self.top)
     }
 }
 
@@ -121,7 +186,7 @@ impl SrgbTable {
 
 impl Composite {
     /// Returns the layers of an OpenEXR file: `object` (premultiplied, with alpha), `shadow_ratio`, `occlusion`, and
-    /// `reflection` if present.
+    /// `reflection` and `grain` if present.
     pub fn channels(&self) -> Vec<ChannelGroup> {
         let groups = [
             ChannelGroup::rgb("object", &self.object),
@@ -130,7 +195,8 @@ impl Composite {
             ChannelGroup::single("occlusion", "A", &self.occlusion),
         ];
         let reflection = self.reflection.as_ref().map(|reflection| ChannelGroup::rgb("reflection", reflection));
-        groups.into_iter().chain(reflection).collect()
+        let grain = self.grain.as_ref().map(|grain| ChannelGroup::rgb("grain", grain));
+        groups.into_iter().chain(reflection).chain(grain).collect()
     }
 
     pub(crate) fn new(
@@ -139,15 +205,21 @@ impl Composite {
         layers: Layers,
         shadow_ratio: RadianceImage,
         reflection: Option<RadianceImage>,
+        grain: Option<&Grain>,
     ) -> Self {
         let reflected = |i: usize| reflection.as_ref().map_or(Vec3::ZERO, |image| Vec3::from(image.pixels()[i]));
         let changed = |i: usize| {
             layers.alpha.pixels()[i] > 0.0 || shadow_ratio.pixels()[i] != [1.0; 3] || reflected(i) != Vec3::ZERO
         };
-        let blended = |i: usize, photo: Vec3| {
+        let clean = |i: usize, photo: Vec3| {
             let floor = photo * Vec3::from(shadow_ratio.pixels()[i]) + reflected(i) / exposure;
             let under = floor.max(photo.min(Vec3::ZERO)) * (1.0 - layers.alpha.pixels()[i]);
             under + layers.object.pixels()[i] / exposure
+        };
+        let grain = grain.map(|grain| grain_layer(photo, exposure, &layers.alpha, grain, clean));
+        let blended = |i: usize, photo: Vec3| {
+            let added = grain.as_ref().map_or(Vec3::ZERO, |grain| Vec3::from(grain.pixels()[i]) / exposure);
+            clean(i, photo) + added
         };
         let mixed = |i: usize, photo: Vec3| blended(i, photo).max(Vec3::ZERO);
         let table = SrgbTable::get();
@@ -174,8 +246,37 @@ impl Composite {
             }),
         }
         let object = layers.object.map(|radiance| radiance.to_array());
-        Self { image, object, alpha: layers.alpha, shadow_ratio, reflection, occlusion: layers.occlusion }
+        Self { image, object, alpha: layers.alpha, shadow_ratio, reflection, grain, occlusion: layers.occlusion }
     }
+}
+
+/// Computes the grain of the objects in a composite without it.
+fn grain_layer(
+    photo: &Photo,
+    exposure: f32,
+    alpha: &Image<f32>,
+    grain: &Grain,
+    clean: impl Fn(usize, Vec3) -> Vec3 + Sync,
+) -> RadianceImage {
+    let width = photo.width();
+    let added = |i: usize| {
+        let alpha = alpha.pixels()[i];
+        if alpha <= 0.0 {
+            return [0.0; 3];
+        }
+        let at = (i % width, i / width);
+        let before = match photo {
+            Photo::Encoded8(photo) => photo.encoding.linear(photo.image[at]),
+            photo => photo.linear_at(at),
+        };
+        let value = clean(i, Vec3::from(before)).to_array();
+        let codes = value.map(srgb_from_linear);
+        let noise = grain.at(at, codes.iter().sum::<f32>() / 3.0);
+        // what is left of the photo's own noise, and this, have the variance of the photo's
+        let share = (1.0 - (1.0 - alpha) * (1.0 - alpha)).sqrt();
+        [0, 1, 2].map(|c| (linear_from_srgb(codes[c] + noise[c] * share) - value[c]) * exposure)
+    };
+    RadianceImage::new(width, photo.height(), (0..width * photo.height()).into_par_iter().map(added).collect())
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ mod reference;
 
 mod edited_lights;
 mod insertion;
+mod look;
 mod mirror;
 mod placing;
 mod several;
