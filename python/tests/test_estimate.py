@@ -195,7 +195,9 @@ def test_colour_profiles_and_modes_of_images_are_used(photo: Path, depth: Path, 
         assert lightoctree.estimate(image.convert("CMYK"), depth=depth, hfov_deg=60).photo.shape == (360, 480, 3)
 
 
-def test_arrays_of_panoramas_are_like_files(photo: Path, depth: Path, tmp_path: Path) -> None:
+def test_arrays_of_panoramas_are_like_files(depth: Path, tmp_path: Path) -> None:
+    photo = np.full((48, 64, 3), 120, np.uint8)
+    photo[:, 32:] = 60
     radiance = np.frombuffer(panorama_file(tmp_path).read_bytes()[12:], np.float32).reshape(32, 64, 3)[::-1]
     assert_same(
         lightoctree.estimate(photo, depth=depth, panorama=radiance),
@@ -203,10 +205,8 @@ def test_arrays_of_panoramas_are_like_files(photo: Path, depth: Path, tmp_path: 
     )
     clipped = (255 * np.minimum(radiance, 1)).astype(np.uint8)
     Image.fromarray(clipped).save(tmp_path / "theta.png")
-    with Image.open(tmp_path / "theta.png") as image:
-        expected = lightoctree.estimate(photo, depth=depth, panorama=tmp_path / "theta.png")
-        assert_same(lightoctree.estimate(photo, depth=depth, panorama=clipped), expected)
-        assert_same(lightoctree.estimate(photo, depth=depth, panorama=image), expected)
+    expected = lightoctree.estimate(photo, depth=depth, panorama=tmp_path / "theta.png")
+    assert_same(lightoctree.estimate(photo, depth=depth, panorama=clipped), expected)
     assert repr(Panorama(radiance)) == "<lightoctree.Panorama \"panorama\": 64 × 32 pixels at (0, 0, 0)>"
 
 

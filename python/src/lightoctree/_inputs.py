@@ -1,7 +1,8 @@
 """Conversion of what users pass to paths, bytes and arrays that the native module takes.
 
 Images of PIL pass through a lossless file in memory, so that their profile and EXIF are read as those of files.
-Tensors of PyTorch, JAX and others arrive by `__array__` or DLPack.
+Tensors of PyTorch, JAX and others arrive by `__array__` or DLPack. NumPy is imported with the first array, because it
+takes longer than all else to start.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ import stat
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 def path(argument: str, value: Any) -> str:
@@ -49,6 +50,8 @@ def image(argument: str, value: Any) -> str | bytes | NDArray[Any]:
         raise ValueError(f"{argument} has the shape {shape}; expected (height, width, 3){hint}")
     if pixels.size == 0:
         raise ValueError(f"{argument} has the shape {shape} and no pixels")
+    import numpy as np
+
     if pixels.dtype.kind == "u" and pixels.dtype.itemsize <= 2:
         return np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
     if pixels.dtype.kind == "f":
@@ -69,6 +72,8 @@ def depth(value: Any) -> str | bytes:
     if values.dtype.kind != "f":
         hint = "convert it to metres, for example depth / 1000 for millimetres"
         raise TypeError(f"depth is an array of {values.dtype}; {hint}")
+    import numpy as np
+
     file = io.BytesIO()
     np.save(file, values.astype(np.float32, order="C", copy=False))
     return file.getvalue()
@@ -78,7 +83,7 @@ def intrinsics(value: Any) -> str | tuple[float, float, float, float]:
     """Returns a path, or focal lengths and principal point."""
     if isinstance(value, (str, bytes, os.PathLike)):
         return path("intrinsics", value)
-    numbers = _array("intrinsics", value).astype(np.float64)
+    numbers = _array("intrinsics", value).astype("float64")
     if numbers.shape == (3, 3):
         if numbers[0, 1] != 0 or numbers[1, 0] != 0 or tuple(numbers[2]) != (0, 0, 1):
             raise ValueError("intrinsics is not a camera matrix without skew: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
@@ -117,6 +122,8 @@ def _json(value: Any) -> Any:
 
 
 def _array(argument: str, value: Any) -> NDArray[Any]:
+    import numpy as np
+
     if isinstance(value, np.ma.MaskedArray):
         value = value.filled(0)
     if hasattr(value, "__dlpack__") and not hasattr(value, "__array__"):
