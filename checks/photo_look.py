@@ -73,7 +73,7 @@ def insert(program, path, work):
         for pixel in [(0.5, 0.72), (0.4, 0.85), (0.6, 0.85), (0.5, 0.95)]:
             at = f"{int(width * pixel[0])},{int(height * pixel[1])}"
             layers = f"{name}.{look}.exr"
-            command = [program, "--quiet", "insert", scene, "--mesh", "builtin:sphere", "--material", MATERIAL, "--height", "0.3"]
+            command = [program, "--quiet", "insert", scene, "--mesh", "builtin:sphere", "--material", MATERIAL, "--height", "0.45"]
             command += ["--pixel", at, "--match-look", look, "--force", "--layers", layers, "-o", out]
             done = subprocess.run(command, capture_output=True, text=True)
             if done.returncode == 0:

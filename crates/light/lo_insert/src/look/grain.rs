@@ -27,6 +27,22 @@ const MOST_CLIPPED: f32 = 0.01;
 /// Standard deviation below which there is no grain, in sRGB's range: less than rounding to 8 bits makes.
 const LEAST_DEVIATION: f32 = 0.25 / 255.0;
 
+/// Greatest ratio of the deviations of a level and the next darker one. In sRGB's values, shot noise is nearly the same
+/// at all levels, and read noise is stronger in darker ones.
+const MOST_RISE_BRIGHTER: f32 = 1.1;
+
+/// Greatest ratio of the deviations of a level and the next brighter one.
+const MOST_RISE_DARKER: f32 = 1.5;
+
+/// Levels by which others are judged: curves of cameras flatten noise near black and white.
+const REFERENCES: std::ops::Range<usize> = 2..LEVELS - 1;
+
+/// Deviation of a level, over the median, from which others are judged by it: drawn and uniform surfaces have none.
+const LEAST_REFERENCE: f32 = 0.25;
+
+/// Share of noise from which a level's blocks are used for the pattern; others show texture.
+const LEAST_NOISE_SHARE: f32 = 0.8;
+
 /// Side of the pattern, pixels; it repeats.
 const SIDE: usize = 256;
 
@@ -58,6 +74,33 @@ struct Block {
     residual: Vec<[f32; 3]>,
 }
 
+/// Noise of a level of brightness.
+struct Measured {
+    level: usize,
+    deviation: [f32; 3],
+}
+
+impl Measured {
+    fn new(level: usize, blocks: &[&Block], rounding: f32) -> Self {
+        let mean = |c: usize| blocks.iter().map(|block| block.variance[c]).sum::<f32>() / blocks.len() as f32;
+        Self { level, deviation: [0, 1, 2].map(|c| (mean(c) - rounding).max(0.0).sqrt()) }
+    }
+
+    fn strength(&self) -> f32 {
+        self.deviation.iter().map(|d| d * d).sum::<f32>().sqrt()
+    }
+
+    /// Returns the share of the deviation that is noise by the other levels: texture only adds to it.
+    fn noise_share(&self, references: &[&Self]) -> f32 {
+        let most = |other: &&Self| match self.level.checked_sub(other.level) {
+            Some(brighter) => other.strength() * MOST_RISE_BRIGHTER.powi(brighter as i32),
+            None => other.strength() * MOST_RISE_DARKER.powi((other.level - self.level) as i32),
+        };
+        let most = references.iter().map(most).fold(f32::INFINITY, f32::min);
+        (most / self.strength().max(f32::MIN_POSITIVE)).min(1.0)
+    }
+}
+
 impl Grain {
     /// Measures a photo; `None` if it is too small or has no noise.
     pub fn measure(photo: &Photo) -> Option<Self> {
@@ -75,21 +118,26 @@ impl Grain {
             of_level.truncate(count);
             flat.push((level, of_level));
         }
-        let measured: Vec<(usize, [f32; 3])> = flat
-            .iter()
-            .map(|(level, blocks)| {
-                let mean = |c: usize| blocks.iter().map(|block| block.variance[c]).sum::<f32>() / blocks.len() as f32;
-                (*level, [0, 1, 2].map(|c| (mean(c) - rounding).max(0.0).sqrt()))
-            })
-            .collect();
-        let loudest = measured.iter().flat_map(|(_, deviation)| *deviation).fold(0.0, f32::max);
+        let mut measured: Vec<Measured> =
+            flat.iter().map(|(level, blocks)| Measured::new(*level, blocks, rounding)).collect();
+        let mut strengths: Vec<f32> = measured.iter().map(Measured::strength).collect();
+        strengths.sort_by(f32::total_cmp);
+        let least = strengths.get(strengths.len() / 2).map_or(0.0, |median| LEAST_REFERENCE * median);
+        let is_reference = |level: &&Measured| REFERENCES.contains(&level.level) && level.strength() >= least;
+        let references: Vec<&Measured> = measured.iter().filter(is_reference).collect();
+        let shares: Vec<f32> = measured.iter().map(|level| level.noise_share(&references)).collect();
+        for (level, share) in measured.iter_mut().zip(&shares) {
+            level.deviation = level.deviation.map(|deviation| deviation * share);
+        }
+        let loudest = measured.iter().flat_map(|level| level.deviation).fold(0.0, f32::max);
         if loudest < LEAST_DEVIATION {
             return None;
         }
-        let nearest = |level: usize| measured.iter().min_by_key(|(other, _)| other.abs_diff(level));
-        let deviation = std::array::from_fn(|level| nearest(level).map_or([0.0; 3], |(_, deviation)| *deviation));
+        let nearest = |level: usize| measured.iter().min_by_key(|other| other.level.abs_diff(level));
+        let deviation = std::array::from_fn(|level| nearest(level).map_or([0.0; 3], |nearest| nearest.deviation));
+        let clean = flat.iter().zip(&shares).filter(|(_, share)| **share >= LEAST_NOISE_SHARE);
         let normalised: Vec<Vec<[f32; 3]>> =
-            flat.iter().flat_map(|(_, blocks)| blocks).filter_map(|b| unit(b)).collect();
+            clean.flat_map(|((_, blocks), _)| blocks).filter_map(|block| unit(block)).collect();
         (normalised.len() >= LEAST_BLOCKS).then(|| Self { deviation, pattern: quilt(&normalised).into() })
     }
 
