@@ -15,32 +15,36 @@ from pathlib import Path
 
 ASSETS = Path(__file__).parents[2] / "apps/lightoctree-cli/assets"
 PHOTO, DEPTH = ASSETS / "library_color.jpg", ASSETS / "library_lidar_depth.png"
-REPEATS = 9
-CODE = "import sys, lightoctree; lightoctree.estimate(sys.argv[1], depth=sys.argv[2] or None).save(sys.argv[3])"
+REPEATS = 15
+CODE = """
+import sys, time, lightoctree
+start = time.perf_counter()
+lightoctree.estimate(sys.argv[1], depth=sys.argv[2] or None).save(sys.argv[3])
+print(time.perf_counter() - start)
+"""
 
 
-def seconds(*command: object) -> float:
-    """Returns the time of a process from start to end."""
+def run(*command: object) -> tuple[float, str]:
+    """Returns the time of a process from start to end, and what it prints."""
     start = time.perf_counter()
-    subprocess.run(list(map(str, command)), check=True, capture_output=True)
-    return time.perf_counter() - start
+    done = subprocess.run(list(map(str, command)), check=True, capture_output=True, text=True)
+    return time.perf_counter() - start, done.stdout
 
 
 def main(program: str) -> None:
-    """Prints the least time of each of several alternating runs, and their ratio."""
+    """Prints the least times of alternating runs: of the command, of the call, and of the interpreter with the call."""
     with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder, name) for name in ("command.scene", "python.scene")]
         for name, depth in (("photo alone", None), ("photo with LiDAR depth", DEPTH)):
             given = ["--depth", depth] if depth else []
-            times: list[tuple[float, float]] = []
+            times: list[tuple[float, float, float]] = []
             for _ in range(REPEATS):
-                command = seconds(program, "estimate", PHOTO, *given, "-o", Path(folder, "cli.scene"), "--quiet")
-                package = seconds(
-                    sys.executable, "-W", "ignore", "-c", CODE, PHOTO, depth or "", Path(folder, "py.scene")
-                )
-                times.append((command, package))
-            assert Path(folder, "cli.scene").read_bytes() == Path(folder, "py.scene").read_bytes()
-            command, package = (min(column) for column in zip(*times, strict=True))
-            print(f"{name}: command {command:.3f} s, Python {package:.3f} s, ratio {package / command:.3f}")
+                command, _ = run(program, "estimate", PHOTO, *given, "-o", files[0], "--quiet")
+                process, call = run(sys.executable, "-W", "ignore", "-c", CODE, PHOTO, depth or "", files[1])
+                times.append((command, float(call), process))
+            assert files[0].read_bytes() == files[1].read_bytes()
+            command, duration, process = (min(column) for column in zip(*times, strict=True))
+            print(f"{name}: command {command:.3f} s, call {duration:.3f} s, interpreter and call {process:.3f} s")
 
 
 if __name__ == "__main__":

@@ -1,20 +1,17 @@
 """Conversion of what users pass to paths, bytes and arrays that the native module takes.
 
 Images of PIL pass through a lossless file in memory, so that their profile and EXIF are read as those of files.
-Tensors of PyTorch, JAX and others arrive by `__array__` or DLPack. NumPy is imported with the first array, because it
-takes longer than all else to start.
+Tensors of PyTorch, JAX and others arrive by `__array__` or DLPack. Modules that only some inputs need are imported
+with the first of them, so that the package starts quickly.
 """
 
 from __future__ import annotations
 
 import errno
-import io
-import json
 import os
 import stat
 import sys
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -72,6 +69,8 @@ def depth(value: Any) -> str | bytes:
     if values.dtype.kind != "f":
         hint = "convert it to metres, for example depth / 1000 for millimetres"
         raise TypeError(f"depth is an array of {values.dtype}; {hint}")
+    import io
+
     import numpy as np
 
     file = io.BytesIO()
@@ -97,18 +96,25 @@ def intrinsics(value: Any) -> str | tuple[float, float, float, float]:
 def layout(objects: Any) -> tuple[str, str]:
     """Returns the JSON of a layout, and the folder to which its paths are relative."""
     if isinstance(objects, (str, bytes, os.PathLike)):
-        file = Path(path("objects", objects))
-        return file.read_text(encoding="utf-8"), str(file.parent)
+        name = path("objects", objects)
+        with open(name, encoding="utf-8") as file:
+            return file.read(), os.path.dirname(name)
     listed = [objects] if isinstance(objects, Mapping) or not isinstance(objects, Iterable) else list(objects)
     for item in listed:
         if not isinstance(item, Mapping):
             raise TypeError(f"objects must be dictionaries, not {_type(item)}")
-    return json.dumps([dict(item) for item in listed], default=_json), ""
+    return _dumps([dict(item) for item in listed]), ""
 
 
 def json_text(fields: Any) -> str:
     """Returns the JSON of a configuration."""
-    return json.dumps(dict(fields), default=_json)
+    return _dumps(dict(fields))
+
+
+def _dumps(value: Any) -> str:
+    import json
+
+    return json.dumps(value, default=_json)
 
 
 def _json(value: Any) -> Any:
@@ -137,6 +143,8 @@ def _array(argument: str, value: Any) -> NDArray[Any]:
 def _encoded(value: Any) -> bytes:
     if value.mode not in ("1", "L", "LA", "P", "RGB", "RGBA", "I;16"):
         value = value.convert("RGB")
+    import io
+
     file = io.BytesIO()
     value.save(file, "PNG", compress_level=1, exif=value.getexif(), icc_profile=value.info.get("icc_profile"))
     return file.getvalue()

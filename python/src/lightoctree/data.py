@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from lightoctree._lightoctree import Dataset, read, rooms
@@ -72,6 +71,8 @@ class Sample(TypedDict, total=False):
 
 
 def _rooms(count: int, seed: int, config: str) -> Dataset:
+    import json
+
     return rooms(count, seed=seed, config=json.loads(config))
 
 
