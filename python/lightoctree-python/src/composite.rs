@@ -52,9 +52,11 @@ impl Composite {
         ];
         for (name, layer) in optional {
             if layer(&self.0).is_some() {
-                let none = || (&[][..], vec![0, 0, 3]);
-                layers
-                    .set_item(name, arrays::view(py, &self.0, |composite| layer(composite).map_or_else(none, rgb))?)?;
+                let values = arrays::view(py, &self.0, |composite| match layer(composite) {
+                    Some(image) => rgb(image),
+                    None => (&[][..], vec![0, 0, 3]),
+                })?;
+                layers.set_item(name, values)?;
             }
         }
         Ok(layers)
