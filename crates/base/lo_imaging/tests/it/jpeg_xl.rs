@@ -28,7 +28,7 @@ fn a_photo_is_upright_with_profile_and_metadata() {
         }
     }
     let profile = photo.encoding.profile.as_ref().unwrap();
-    assert_eq!((profile.name(), profile.is_srgb()), ("Display P3", false));
+    assert!(!profile.is_srgb());
     // [200, 150, 101] by LittleCMS 2.19
     let converted = patch(&photo.srgb8(), 0, 1);
     assert!(converted.iter().zip([209, 147, 92]).all(|(a, b)| a.abs_diff(b) <= 2), "{converted:?}");
