@@ -96,8 +96,8 @@ class Program:
         layers = os.path.join(self.work, "layers.exr")
         at = ",".join(str(c) for c in place)
         out = os.path.join(self.work, "composite.png")
-        self.run("insert", self.scene, "--mesh", self.ball, "--material", material, "--at", at, "--quality", QUALITY, "--match-look", "off",
-                 "--layers", layers, "-o", out, "--force")
+        self.run("insert", self.scene, "--mesh", self.ball, "--material", material, "--at", at, "--quality", QUALITY,
+                 "--match-look", "off", "--layers", layers, "-o", out, "--force")
         pixels = channels(layers)["object"]
         return pixels[..., :3], pixels[..., 3]
 

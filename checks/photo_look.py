@@ -2,7 +2,7 @@
 
     python checks/photo_look.py target/release/lightoctree PHOTO ... [--work DIR]
 
-Needs numpy and Pillow. A matte ball is inserted into each photo, with and without `--match-look`. Compared are
+Needs numpy, Pillow and OpenEXR. A matte ball is inserted into each photo, with and without `--match-look`. Compared are
 
 - noise: standard deviation of what a 5 x 5 mean leaves, in flat patches of the ball and of the photo of the same brightness
 - sharpness: width of the ball's outline and of the photo's sharper edges (their lower quartile), 25 to 75 %

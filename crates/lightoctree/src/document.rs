@@ -7,11 +7,11 @@ use lo_estimate::{
 };
 use lo_geometry::Vec3;
 use lo_insert::{Layout, PathSource};
-use lo_lights::ListedLight;
+use lo_lights::{LightsError, ListedLight};
 use lo_mesh::{LoadOptions, Model};
 use lo_scene::{
-    EmitterEdit, Estimate, InferredLight, LightEdits, LightMode, LightTuning, LitScene, ObjectDisplay, SceneError,
-    SceneFile, SceneObjects,
+    EmitterEdit, Estimate, InferredLight, LightChange, LightEdits, LightMode, LightTuning, LitScene, ObjectDisplay,
+    SceneError, SceneFile, SceneObjects,
 };
 
 use crate::builtin::builtin_mesh;
@@ -201,6 +201,38 @@ impl Document {
     /// The emitters' names in this list are valid for every choice of light and tuning.
     pub fn lights(&self) -> Vec<ListedLight> {
         lo_lights::list(&plausible_light(&self.estimate).0, &self.light_edits)
+    }
+
+    /// Returns the light of this name.
+    ///
+    /// # Errors
+    /// [`LightsError::Unknown`] if there is none.
+    pub fn light(&self, id: &str) -> Result<ListedLight, LightsError> {
+        let mut lights = self.lights();
+        match lights.iter().position(|light| light.id == id) {
+            Some(index) => Ok(lights.swap_remove(index)),
+            None => Err(LightsError::Unknown {
+                id: id.to_owned(),
+                known: lights.into_iter().map(|light| light.id).collect(),
+            }),
+        }
+    }
+
+    /// Undoes the edits of a light, or with `None` all edits, the choice of light and the added lights.
+    ///
+    /// # Errors
+    /// [`LightsError::Unknown`] if there is neither the light nor an edit of it.
+    pub fn reset_lights(&mut self, id: Option<&str>) -> Result<(), LightsError> {
+        let Some(id) = id else {
+            self.light_edits = LightEdits::default();
+            return Ok(());
+        };
+        // A light that no longer exists can still be reset.
+        if !self.light_edits.emitters.iter().any(|edit| edit.id == id) {
+            self.light(id)?;
+        }
+        let _ = self.light_edits.change(id, Vec3::ZERO, LightChange::NONE);
+        Ok(())
     }
 
     /// Returns the edits of lights that the estimate does not have; [`Document::lit`] fails until they are removed.

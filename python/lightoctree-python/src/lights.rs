@@ -1,6 +1,6 @@
 use lightoctree::Document;
 use lightoctree::geometry::Vec3;
-use lightoctree::lights::{LightChange, LightColor, LightEdits, LightKind, LightOrigin, LightsError, ListedLight};
+use lightoctree::lights::{LightChange, LightColor, LightKind, LightOrigin, ListedLight};
 use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -78,8 +78,7 @@ pub fn change(
     color: Option<LightColor>,
     at: Option<Vec3>,
 ) -> Result<(), Failure> {
-    let lights = document.lights();
-    let light = find(&lights, id)?;
+    let light = document.light(id)?;
     if at.is_some() && light.kind == LightKind::Sun {
         return Err(Failure::Argument(format!("at: {id} is a sun, which has no position")));
     }
@@ -98,23 +97,4 @@ pub fn change(
     } else {
         Err(Failure::Argument("the scene already has the maximum of edited lights".to_owned()))
     }
-}
-
-/// Undoes the edits of a light, or all edits, as the command `lights reset` does.
-pub fn reset(document: &mut Document, id: Option<&str>) -> Result<(), Failure> {
-    let Some(id) = id else {
-        document.light_edits = LightEdits::default();
-        return Ok(());
-    };
-    // A light that no longer exists can still be reset.
-    if !document.light_edits.emitters.iter().any(|edit| edit.id == id) {
-        find(&document.lights(), id)?;
-    }
-    let _ = document.light_edits.change(id, Vec3::ZERO, LightChange::NONE);
-    Ok(())
-}
-
-fn find<'a>(lights: &'a [ListedLight], id: &str) -> Result<&'a ListedLight, LightsError> {
-    let known = || lights.iter().map(|light| light.id.clone()).collect();
-    lights.iter().find(|light| light.id == id).ok_or_else(|| LightsError::Unknown { id: id.to_owned(), known: known() })
 }

@@ -32,7 +32,7 @@ impl<'py> Listener<'py> {
     /// Passes a report on.
     ///
     /// # Errors
-    /// What the handler raises, or `warnings` for a filter `error`.
+    /// Exceptions of the handler, and warnings that a filter turns into errors.
     pub fn receive(&mut self, report: &Report) -> PyResult<()> {
         if let Report::Warning { message } = report {
             let text = CString::new(message.replace('\0', ""))?;

@@ -261,7 +261,7 @@ impl Scene {
     /// Undoes the edits of a light, or all edits, with the choice of light and the added lights.
     #[pyo3(signature = (id = None))]
     fn reset_lights(&self, py: Python<'_>, id: Option<&str>) -> PyResult<()> {
-        self.edit(py, |document| lights::reset(document, id))
+        self.edit(py, |document| Ok(document.reset_lights(id)?))
     }
 
     /// The octree of radiance as estimated, without edits of lights and expected light.

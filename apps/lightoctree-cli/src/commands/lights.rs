@@ -8,9 +8,7 @@ use lo_estimate::{ShadowError, sun_from_photo, supported_sun};
 use lo_geometry::Vec3;
 use lo_imaging::luminance;
 use lo_lights::{LightKind, LightOrigin, ListedLight, ShadowSupport};
-use lo_scene::{
-    AnalyticLight, EmitterEdit, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE,
-};
+use lo_scene::{AnalyticLight, EmitterEdit, LightChange, LightColor, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE};
 use serde_json::json;
 
 use super::parse;
@@ -266,15 +264,14 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             add(&mut document, area)?;
         }
         Some(Edit::Remove(args)) => remove(&mut document, &args.id)?,
-        Some(Edit::Reset(args)) => reset(&mut document, args.id.as_deref())?,
+        Some(Edit::Reset(args)) => document.reset_lights(args.id.as_deref())?,
     }
     document.write(out, &output::signature(SCENE_COMMAND))?;
     print_lights(&document, file.json)
 }
 
 fn set(document: &mut Document, args: &SetArgs) -> anyhow::Result<()> {
-    let lights = document.lights();
-    let light = find(&lights, &args.id)?;
+    let light = document.light(&args.id)?;
     let mut change = document.light_edits.change_of(&args.id);
     change.scale = args.scale.unwrap_or(change.scale);
     change.color = args.color.or(change.color);
@@ -297,29 +294,9 @@ fn remove(document: &mut Document, id: &str) -> anyhow::Result<()> {
     if document.light_edits.remove(id) {
         return Ok(());
     }
-    find(&document.lights(), id)?;
+    document.light(id)?;
     Err(Usage(format!("{id} is part of the estimate and cannot be removed; `lights set {id} --off` switches it off"))
         .into())
-}
-
-fn reset(document: &mut Document, id: Option<&str>) -> anyhow::Result<()> {
-    let Some(id) = id else {
-        document.light_edits = LightEdits::default();
-        return Ok(());
-    };
-    // A light that no longer exists can still be reset.
-    if !document.light_edits.emitters.iter().any(|edit| edit.id == id) {
-        find(&document.lights(), id)?;
-    }
-    let _ = document.light_edits.change(id, Vec3::ZERO, LightChange::NONE);
-    Ok(())
-}
-
-fn find<'a>(lights: &'a [ListedLight], id: &str) -> Result<&'a ListedLight, lo_lights::LightsError> {
-    lights.iter().find(|light| light.id == id).ok_or_else(|| lo_lights::LightsError::Unknown {
-        id: id.to_owned(),
-        known: lights.iter().map(|light| light.id.clone()).collect(),
-    })
 }
 
 fn check(wrong: Option<&'static str>) -> anyhow::Result<()> {

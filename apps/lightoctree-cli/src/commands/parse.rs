@@ -140,18 +140,12 @@ pub fn exposures_ev(text: &str) -> Result<ExposuresEv, String> {
 
 /// Parses a share from 0 to 1.
 pub fn share(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
-        _ => Err("must be a number from 0 to 1".to_owned()),
-    }
+    up_to(text, 1.0)
 }
 
 /// Parses a factor of contrast from 0 to 3.
 pub fn contrast(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=3.0).contains(&value) => Ok(value),
-        _ => Err("must be a number from 0 to 3".to_owned()),
-    }
+    up_to(text, 3.0)
 }
 
 /// Parses a warmth from −4 to 4 stops.
@@ -161,10 +155,7 @@ pub fn warmth(text: &str) -> Result<f64, String> {
 
 /// Parses a strength of shadows from 0 to 4.
 pub fn shadow_strength(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=4.0).contains(&value) => Ok(value),
-        _ => Err("must be a number from 0 to 4".to_owned()),
-    }
+    up_to(text, 4.0)
 }
 
 /// Parses a number above 0 and at most 10¹².
@@ -181,6 +172,13 @@ pub fn angle_deg(text: &str) -> Result<f64, String> {
 /// Parses an exposure within ± 40 stops.
 pub fn exposure_ev(text: &str) -> Result<f64, String> {
     within(text, 40.0, "stops")
+}
+
+fn up_to(text: &str, limit: f64) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=limit).contains(&value) => Ok(value),
+        _ => Err(format!("must be a number from 0 to {limit}")),
+    }
 }
 
 fn within(text: &str, limit: f64, unit: &str) -> Result<f64, String> {
