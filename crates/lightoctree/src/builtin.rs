@@ -17,6 +17,9 @@ static TEA_SET: &[u8] = include_bytes!("../models/tea_set.glb");
 /// - `sphere`: a diffuse sphere of 0.2 m diameter
 /// - `suzanne`: Blender's monkey head, about two units wide
 /// - `tea-set`: a textured tea set in metres
+/// - `glass-sphere`: the sphere, of solid glass
+/// - `wine-glass`: an empty wine glass of 21 cm
+/// - `bottle`: an empty bottle of green glass, 30 cm
 ///
 /// # Errors
 /// [`ModelError::Builtin`] if no model has this name.
@@ -26,6 +29,9 @@ pub fn builtin_model(name: &str) -> Result<Model, ModelError> {
         "sphere" => Model::sphere(RADIUS_M, 5, Material::default()),
         "suzanne" => Model::from_gltf_bytes(SUZANNE, &no_files),
         "tea-set" => Model::from_gltf_bytes(TEA_SET, &no_files),
+        "glass-sphere" => Model::sphere(RADIUS_M, 6, Material::preset("glass").expect("it is a preset")),
+        "wine-glass" => Model::wine_glass(),
+        "bottle" => Model::bottle(),
         _ => return Err(ModelError::Builtin { name: name.to_owned() }),
     };
     Ok(model?)
@@ -46,7 +52,8 @@ mod tests {
     fn every_listed_model_loads() {
         let triangles = crate::BUILTIN_MODELS.map(|name| builtin_model(name).unwrap().triangles.len());
         // models/README.md states the counts of the two files; an icosphere split five times has 20 · 4⁵ triangles.
-        assert_eq!(triangles, [20_480, 15_744, 40_296]);
+        assert_eq!(triangles[..4], [20_480, 15_744, 40_296, 81_920]);
+        assert!(triangles[4..].iter().all(|count| (5_000..20_000).contains(count)), "{triangles:?}");
         assert!(builtin_model("teapot").is_err());
         let tea_set = builtin_model("tea-set").unwrap();
         assert!(tea_set.warnings.is_empty() && tea_set.textures.len() == 3, "{:?}", tea_set.warnings);

@@ -6,6 +6,7 @@
 //!   layer reflects and transmits.
 //! - [`MetallicRoughness`]: a surface point's BSDF parameters from a material's.
 //! - [`pane_reflectance`]: a thin sheet of clear glass.
+//! - [`dielectric_reflectance`], [`refracted`]: a smooth boundary between two dielectrics.
 //!
 //! Directions are unit vectors that point away from the surface. Local frames have the normal as +Z. Roughness is
 //! perceptual: GGX's α is its square.
@@ -14,12 +15,14 @@
 //! uses the remainder of [`specular_albedo`], so that energy is conserved between the two layers.
 
 mod albedo;
+mod dielectric;
 mod fresnel;
 mod ggx;
 mod metallic_roughness;
 mod pane;
 
 pub use albedo::{MIRROR_ROUGHNESS, mean_specular_albedo, specular_albedo, specular_transmittance};
+pub use dielectric::{GLASS_IOR, dielectric_f0, dielectric_reflectance, refracted};
 pub use fresnel::{DIELECTRIC_F0, fresnel, schlick_weight};
 pub use ggx::{Ggx, GgxSample, MIN_COSINE};
 pub use metallic_roughness::{MetallicRoughness, specular_cos};

@@ -2,7 +2,7 @@
 
 use lo_geometry::Vec3;
 
-use crate::fresnel::{DIELECTRIC_F0, fresnel};
+use crate::fresnel::fresnel;
 use crate::ggx::Ggx;
 
 /// BSDF parameters of one surface point.
@@ -17,13 +17,10 @@ pub struct MetallicRoughness {
 }
 
 impl MetallicRoughness {
-    /// Converts base colour, metalness and perceptual roughness, each in [0, 1].
-    pub fn new(base_color: Vec3, metallic: f32, roughness: f32) -> Self {
-        Self {
-            diffuse: base_color * (1.0 - metallic),
-            f0: Vec3::splat(DIELECTRIC_F0).lerp(base_color, metallic),
-            roughness,
-        }
+    /// Converts base colour, metalness, perceptual roughness, and the reflectance at normal incidence where it is not
+    /// metal ([`dielectric_f0`](crate::dielectric_f0)), each in [0, 1].
+    pub fn new(base_color: Vec3, metallic: f32, roughness: f32, dielectric_f0: Vec3) -> Self {
+        Self { diffuse: base_color * (1.0 - metallic), f0: dielectric_f0.lerp(base_color, metallic), roughness }
     }
 
     /// Returns the microfacet distribution.

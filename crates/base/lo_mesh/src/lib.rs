@@ -2,8 +2,10 @@
 
 mod bvh;
 mod error;
+mod glassware;
 mod glb;
 mod gltf;
+mod lathe;
 mod load;
 mod material;
 mod model;
@@ -27,7 +29,7 @@ mod warning;
 pub use error::MeshError;
 pub use glb::{GlbTooLarge, GlbWriter};
 pub use gltf::{GlbScene, GlbSun};
-pub use material::{AlphaMode, Material, TextureRef, Wrap};
+pub use material::{AlphaMode, Material, TextureRef, Volume, Wrap};
 pub use model::{Bounds, LoadOptions, Model, Resolver};
 pub use placed::{PlacedModel, Placement};
 pub use prepared::{Hit, PreparedModel, offset_origin};

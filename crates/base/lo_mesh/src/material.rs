@@ -1,3 +1,5 @@
+use lo_bsdf::GLASS_IOR;
+
 /// A glTF 2.0 metallic-roughness material; textures multiply the factors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
@@ -31,14 +33,44 @@ pub struct Material {
     pub double_sided: bool,
     /// Whether the base colour is shown without lighting.
     pub unlit: bool,
-    /// Share of the light not reflected at the surface that passes straight through, as through a window pane.
-    ///
-    /// The surface is a thin sheet (`KHR_materials_transmission` without a volume). The base colour tints the
-    /// transmitted light.
+    /// Share of the light not reflected at the surface that passes through it (`KHR_materials_transmission`), tinted by
+    /// the base colour. Without a volume, the surface is a thin sheet like a window pane and does not refract.
     pub transmission: f32,
+    /// Interior of a solid, which refracts; `None` for thin sheets.
+    pub volume: Option<Volume>,
+    /// Index of refraction (`KHR_materials_ior`), at least 1.
+    pub ior: f32,
+    /// Factor on the reflectance of dielectrics at normal incidence, linear RGB (`KHR_materials_specular`).
+    pub specular: [f32; 3],
+    /// Strength of a clear coat of index 1.5, from 0 to 1 (`KHR_materials_clearcoat`).
+    pub clearcoat: f32,
+    /// Perceptual roughness of the clear coat.
+    pub clearcoat_roughness: f32,
     /// Share of diffusely scattered light that leaves on the other side, as from paper or curtains
     /// (`KHR_materials_diffuse_transmission`, with the base colour as its colour).
     pub diffuse_transmission: f32,
+}
+
+/// Interior of a transmissive solid (`KHR_materials_volume` with a thickness).
+///
+/// Meshes are taken to be closed; light is refracted at each of their surfaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Volume {
+    /// Share of white light that remains after the attenuation distance, linear RGB.
+    pub attenuation_color: [f32; 3],
+    /// Attenuation distance in world metres; infinite for a clear interior.
+    pub attenuation_distance_m: f32,
+}
+
+impl Volume {
+    /// A clear interior.
+    pub const CLEAR: Self = Self { attenuation_color: [1.0; 3], attenuation_distance_m: f32::INFINITY };
+
+    /// Returns the share of light that remains after a distance (Beer's law), linear RGB.
+    pub fn transmittance(&self, distance_m: f32) -> [f32; 3] {
+        let distances = distance_m / self.attenuation_distance_m;
+        self.attenuation_color.map(|color| color.max(1e-6).powf(distances))
+    }
 }
 
 impl Default for Material {
@@ -61,6 +93,11 @@ impl Default for Material {
             double_sided: true,
             unlit: false,
             transmission: 0.0,
+            volume: None,
+            ior: GLASS_IOR,
+            specular: [1.0; 3],
+            clearcoat: 0.0,
+            clearcoat_roughness: 0.0,
             diffuse_transmission: 0.0,
         }
     }

@@ -1,7 +1,8 @@
+use lo_bsdf::dielectric_f0;
 use lo_geometry::Vec3;
 
 use crate::repair::face_normal;
-use crate::{AlphaMode, Hit, Material, Model, TextureRef};
+use crate::{AlphaMode, Hit, Material, Model, TextureRef, Volume};
 
 /// Material and normals at a point of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,8 +17,20 @@ pub struct SurfacePoint {
     pub base_color: [f32; 3],
     /// Coverage in [0, 1], by the material's alpha mode.
     pub alpha: f32,
-    /// Share of the light not reflected at the surface that passes straight through.
+    /// Share of the light not reflected at the surface that passes through it.
     pub transmission: f32,
+    /// Interior of a solid, which refracts.
+    pub volume: Option<Volume>,
+    /// Index of refraction.
+    pub ior: f32,
+    /// Reflectance at normal incidence where it is not metal, linear RGB.
+    pub dielectric_f0: [f32; 3],
+    /// Strength of the clear coat, from 0 to 1.
+    pub clearcoat: f32,
+    /// Perceptual roughness of the clear coat.
+    pub clearcoat_roughness: f32,
+    /// Whether the viewer sees the triangle's front, which is the outside of a solid.
+    pub is_front: bool,
     /// Metalness, from 0 to 1.
     pub metallic: f32,
     /// Perceptual roughness, from 0 to 1.
@@ -62,6 +75,12 @@ impl Model {
             base_color: [color[0], color[1], color[2]],
             alpha: coverage(material.alpha_mode, color[3]),
             transmission: material.transmission,
+            volume: material.volume,
+            ior: material.ior,
+            dielectric_f0: material.specular.map(|factor| (factor * dielectric_f0(material.ior)).min(1.0)),
+            clearcoat: material.clearcoat,
+            clearcoat_roughness: material.clearcoat_roughness,
+            is_front: side > 0.0,
             metallic: (material.metallic * blue).clamp(0.0, 1.0),
             roughness: (material.roughness * green).clamp(0.0, 1.0),
             occlusion: 1.0 + material.occlusion_strength * (red - 1.0),

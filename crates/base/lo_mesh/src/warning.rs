@@ -30,9 +30,13 @@ pub enum MeshWarning {
         /// Error of the operating system.
         reason: String,
     },
-    /// Transparent materials are shown without refraction.
-    #[error("glass is shown without refraction, its tint as grey: {}", .materials.join(", "))]
-    Transmission {
+    /// Transmissive materials have no thickness, so that they are thin sheets.
+    #[error(
+        "glass without thickness is shown as thin panes, which do not refract: {}; for solid glass, export \
+         KHR_materials_volume with a thickness, or give the material \"glass\"",
+        .materials.join(", ")
+    )]
+    ThinGlass {
         /// Names of the materials.
         materials: Vec<String>,
     },
@@ -111,7 +115,7 @@ impl MeshWarning {
             Self::Texture { .. }
             | Self::BumpMap { .. }
             | Self::NormalTextures { .. }
-            | Self::Transmission { .. }
+            | Self::ThinGlass { .. }
             | Self::MaterialExtensions { .. }
             | Self::TransparentMaterials { .. }
             | Self::MaterialFile { .. }

@@ -40,7 +40,8 @@ pub struct Rendering {
 pub enum StepRule {
     /// `δₙ = c · sₙ₋₁ · tan θ`, as in the paper. `c · tan θ` is at least 10⁻⁴, since otherwise a ray would never end.
     Literal,
-    /// The literal rule, with a least step of this fraction of a leaf's edge.
+    /// The literal rule, with a least step of this fraction of a leaf's edge, and a greatest step of an edge of the
+    /// coarsest nodes, so that wide cones do not jump over walls.
     Floored(f32),
 }
 

@@ -16,7 +16,7 @@ const MAX_STEPS: usize = 1 << 18;
 /// (`docs/method.md` §3.1).
 ///
 /// Lengths are in leaf edges. A sample depends on its number alone: equal steps up to the crossover, geometric steps
-/// after it.
+/// after it, and equal steps again once they are as long as the coarsest nodes, which longer ones could jump over.
 #[derive(Debug)]
 pub(crate) struct StepTable {
     growth: f64,
@@ -78,18 +78,33 @@ impl StepTable {
         let crossover = first + equal * floor;
         let (ln_ratio, log2_ratio) = (growth.ln_1p(), growth.ln_1p() / std::f64::consts::LN_2);
         let first_length_log2 = (crossover * growth).log2();
+        // Number and distance of the last sample before the steps reach the greatest length.
+        let most = match settings.step {
+            StepRule::Literal => f64::INFINITY,
+            StepRule::Floored(_) => f64::from(max_level).exp2().max(floor),
+        };
+        let growing = if growth > 0.0 && most.is_finite() {
+            equal + ((most / (crossover * growth)).ln() / ln_ratio).ceil().max(0.0)
+        } else {
+            f64::INFINITY
+        };
+        let last_growing = crossover * ((growing - equal) * ln_ratio).exp();
         let mut n = if f64::from(near) <= first {
             0.0
         } else if f64::from(near) <= crossover {
             ((f64::from(near) - first) / floor).ceil()
-        } else {
+        } else if f64::from(near) <= last_growing {
             equal + ((f64::from(near) / crossover).ln() / ln_ratio).ceil()
+        } else {
+            growing + ((f64::from(near) - last_growing) / most).ceil()
         };
         while table.steps.len() < MAX_STEPS {
             let (distance, length, log2_length) = if n == 0.0 {
                 (first, first, first.log2())
             } else if n <= equal {
                 (first + n * floor, floor, floor.log2())
+            } else if n > growing {
+                (last_growing + (n - growing) * most, most, most.log2())
             } else {
                 let distance = crossover * ((n - equal) * ln_ratio).exp();
                 let log2_length = first_length_log2 + (n - equal - 1.0) * log2_ratio;

@@ -263,8 +263,15 @@ impl Inserter {
     ) -> Result<Vec<ObjectVisibility>, Cancelled> {
         let objects = gatherer.objects;
         let samples = coverage_pattern(self.counts.coverage);
+        let samples_of_glass = coverage_pattern(self.counts.glass_rays);
         let camera = self.frame.camera;
-        let shader = Shader { gatherer, specular_cones: self.counts.specular_cones, stride: self.shade_stride() };
+        let shader = Shader {
+            gatherer,
+            specular_cones: self.counts.specular_cones,
+            stride: self.shade_stride(),
+            camera,
+            glass_rays: &samples_of_glass,
+        };
         let windows: Vec<Option<_>> = objects.iter().map(|object| seen_window(&camera, object)).collect();
         let mut seen = vec![ObjectVisibility::default(); objects.len()];
         if windows.iter().all(Option::is_none) {

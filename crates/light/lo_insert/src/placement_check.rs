@@ -91,7 +91,7 @@ impl PlacementCheck<'_> {
         let on_other = |point: Vec3, gap_m: f32| {
             let down = Ray { origin: point + placement.up * CARRIES_M, direction: -placement.up };
             let mut others = objects.iter().enumerate().filter(|&(i, _)| i != index);
-            others.any(|(_, other)| other.blocks(&down, gap_m.max(0.0) + 2.0 * CARRIES_M))
+            others.any(|(_, other)| other.first(&down, gap_m.max(0.0) + 2.0 * CARRIES_M).is_some())
         };
         let gap_m = |point: Vec3| {
             let surface_m = surface_height_m(self.occluders, self.camera, point, placement.up, height_m)?;
@@ -127,7 +127,7 @@ impl PlacementCheck<'_> {
         let on_other = |point: Vec3| {
             let down = Ray { origin: point + placement.up * CARRIES_M, direction: -placement.up };
             let mut others = objects.iter().enumerate().filter(|&(i, _)| i != index);
-            others.any(|(_, other)| other.blocks(&down, 2.0 * CARRIES_M))
+            others.any(|(_, other)| other.first(&down, 2.0 * CARRIES_M).is_some())
         };
         let known: Vec<Option<bool>> = Base::new(model)
             .sample_points(placement.scale, placement.rotation())

@@ -50,6 +50,8 @@ pub(crate) struct Counts {
     /// Transmittance at which cones of diffuse light end.
     pub min_transmittance: f32,
     pub specular_cones: usize,
+    /// Rays per pixel through glass.
+    pub glass_rays: usize,
     /// Directions per pixel of a reflection in a glossy support.
     pub gloss_samples: usize,
     pub object_lights: usize,
@@ -89,6 +91,7 @@ impl Quality {
                 adaptive_coverage: AdaptiveCoverage::InsideOutline,
                 min_transmittance: 0.01,
                 specular_cones: 1,
+                glass_rays: 2,
                 gloss_samples: 4,
                 object_lights: 6,
                 background_cones: 8,
@@ -112,6 +115,7 @@ impl Quality {
                 adaptive_coverage: AdaptiveCoverage::HalfAgree,
                 min_transmittance: 0.003,
                 specular_cones: 6,
+                glass_rays: 3,
                 gloss_samples: 16,
                 object_lights: 32,
                 background_cones: 16,
@@ -135,6 +139,7 @@ impl Quality {
                 adaptive_coverage: AdaptiveCoverage::None,
                 min_transmittance: 1e-4,
                 specular_cones: 24,
+                glass_rays: 8,
                 gloss_samples: 64,
                 object_lights: 128,
                 background_cones: 96,

@@ -17,6 +17,9 @@ const NEW = [
   ["Gold sphere", { mesh: "builtin:sphere", material: { preset: "gold" } }],
   ["Suzanne", { mesh: "builtin:suzanne", material: { preset: "glossy-white" } }],
   ["Tea set", { mesh: "builtin:tea-set" }],
+  ["Glass sphere", { mesh: "builtin:glass-sphere" }],
+  ["Wine glass", { mesh: "builtin:wine-glass" }],
+  ["Bottle", { mesh: "builtin:bottle" }],
 ];
 
 /**

@@ -17,8 +17,11 @@ use crate::usage::Usage;
 /// The options without their order, as clap parses them.
 #[derive(Debug, Args)]
 struct Flags {
-    /// Object: glTF, GLB, OBJ, PLY, STL, builtin:sphere, builtin:suzanne or builtin:tea-set; may be repeated [default:
-    /// the objects that the viewer saved in the scene]
+    /// Object: glTF, GLB, OBJ, PLY, STL or a built-in one; may be repeated [default: the objects that the viewer saved
+    /// in the scene]
+    ///
+    /// Built-in are builtin:sphere, builtin:suzanne, builtin:tea-set, builtin:glass-sphere, builtin:wine-glass and
+    /// builtin:bottle.
     ///
     /// For several objects, each --mesh is followed by its own --at, --pixel or --path, --scale, --unit or --height,
     /// --yaw-deg, --align and --material.

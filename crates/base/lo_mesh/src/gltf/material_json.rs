@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use serde_json::Value;
 
 #[derive(Debug, Deserialize)]
@@ -62,11 +63,19 @@ impl Default for MetallicRoughness {
 #[derive(Debug, Default, Deserialize)]
 pub struct MaterialExtensions {
     #[serde(rename = "KHR_materials_unlit")]
-    pub unlit: Option<serde::de::IgnoredAny>,
+    pub unlit: Option<IgnoredAny>,
     #[serde(rename = "KHR_materials_emissive_strength")]
     pub emissive_strength: Option<EmissiveStrength>,
     #[serde(rename = "KHR_materials_transmission")]
     pub transmission: Option<Transmission>,
+    #[serde(rename = "KHR_materials_volume")]
+    pub volume: Option<Volume>,
+    #[serde(rename = "KHR_materials_ior")]
+    pub ior: Option<Ior>,
+    #[serde(rename = "KHR_materials_specular")]
+    pub specular: Option<Specular>,
+    #[serde(rename = "KHR_materials_clearcoat")]
+    pub clearcoat: Option<Clearcoat>,
     #[serde(rename = "KHR_materials_diffuse_transmission")]
     pub diffuse_transmission: Option<DiffuseTransmission>,
     #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
@@ -77,6 +86,21 @@ pub struct MaterialExtensions {
 }
 
 impl MaterialExtensions {
+    /// Returns the names of textures of extensions of which only the factors are applied.
+    pub fn ignored_textures(&self) -> impl Iterator<Item = &str> {
+        let specular = self.specular.as_ref();
+        let clearcoat = self.clearcoat.as_ref();
+        let given = [
+            ("specularTexture", specular.is_some_and(|s| s.specular_texture.is_some())),
+            ("specularColorTexture", specular.is_some_and(|s| s.specular_color_texture.is_some())),
+            ("clearcoatTexture", clearcoat.is_some_and(|c| c.clearcoat_texture.is_some())),
+            ("clearcoatRoughnessTexture", clearcoat.is_some_and(|c| c.clearcoat_roughness_texture.is_some())),
+            ("clearcoatNormalTexture", clearcoat.is_some_and(|c| c.clearcoat_normal_texture.is_some())),
+            ("thicknessTexture", self.volume.as_ref().is_some_and(|v| v.thickness_texture.is_some())),
+        ];
+        given.into_iter().filter_map(|(name, given)| given.then_some(name))
+    }
+
     /// Returns the names of the extensions that would change the material's appearance, but are not applied.
     pub fn ignored(&self) -> impl Iterator<Item = &str> {
         let changes = |(name, value): &(&String, &Value)| {
@@ -84,29 +108,11 @@ impl MaterialExtensions {
                 Some(Value::Array(values)) => values.iter().any(|value| value.as_f64() != Some(0.0)),
                 value => value.and_then(Value::as_f64).is_some_and(|value| value != 0.0),
             };
-            let differs = |factor: &str, neutral: f64| {
-                let is_other = |value: &Value| value.as_f64() != Some(neutral);
-                value.get(factor).is_some_and(|value| match value {
-                    Value::Array(values) => values.iter().any(is_other),
-                    value => is_other(value),
-                })
-            };
             match name.as_str() {
-                "KHR_materials_clearcoat" => has("clearcoatFactor"),
                 "KHR_materials_sheen" => has("sheenColorFactor"),
                 "KHR_materials_iridescence" => has("iridescenceFactor"),
                 "KHR_materials_anisotropy" => has("anisotropyStrength"),
                 "KHR_materials_dispersion" => has("dispersion"),
-                "KHR_materials_specular" => {
-                    let textures = ["specularTexture", "specularColorTexture"];
-                    differs("specularFactor", 1.0)
-                        || differs("specularColorFactor", 1.0)
-                        || textures.iter().any(|texture| value.get(texture).is_some())
-                }
-                // The reflection of all dielectrics is that of an index of 1.5.
-                "KHR_materials_ior" => self.transmission.is_none() && differs("ior", 1.5),
-                // The warning about transmission covers it.
-                "KHR_materials_volume" => false,
                 _ => true,
             }
         };
@@ -143,6 +149,62 @@ pub struct Transmission {
     #[serde(default)]
     pub transmission_factor: f32,
     pub transmission_texture: Option<TextureInfo>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct Volume {
+    pub thickness_factor: f32,
+    pub thickness_texture: Option<IgnoredAny>,
+    pub attenuation_distance: f32,
+    pub attenuation_color: [f32; 3],
+}
+
+impl Default for Volume {
+    fn default() -> Self {
+        Self {
+            thickness_factor: 0.0,
+            thickness_texture: None,
+            attenuation_distance: f32::INFINITY,
+            attenuation_color: [1.0; 3],
+        }
+    }
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Ior {
+    #[serde(default = "glass_ior")]
+    pub ior: f32,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct Specular {
+    pub specular_factor: f32,
+    pub specular_texture: Option<IgnoredAny>,
+    pub specular_color_factor: [f32; 3],
+    pub specular_color_texture: Option<IgnoredAny>,
+}
+
+impl Default for Specular {
+    fn default() -> Self {
+        Self {
+            specular_factor: 1.0,
+            specular_texture: None,
+            specular_color_factor: [1.0; 3],
+            specular_color_texture: None,
+        }
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct Clearcoat {
+    pub clearcoat_factor: f32,
+    pub clearcoat_texture: Option<IgnoredAny>,
+    pub clearcoat_roughness_factor: f32,
+    pub clearcoat_roughness_texture: Option<IgnoredAny>,
+    pub clearcoat_normal_texture: Option<IgnoredAny>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -201,6 +263,10 @@ pub struct TextureTransform {
     #[serde(default = "ones")]
     pub scale: [f32; 2],
     pub tex_coord: Option<usize>,
+}
+
+fn glass_ior() -> f32 {
+    lo_bsdf::GLASS_IOR
 }
 
 fn one() -> f32 {

@@ -1,10 +1,15 @@
+use lo_bsdf::GLASS_IOR;
+
 use super::buffers::Buffers;
 use super::json::Root;
 use super::material_json::{self as json, SpecularGlossiness, Transmission};
 use super::specular_glossiness;
 use super::texture_loader::TextureLoader;
 use crate::model::Resolver;
-use crate::{AlphaMode, Material, MeshError, MeshWarning, Model};
+use crate::{AlphaMode, Material, MeshError, MeshWarning, Model, Volume};
+
+/// Largest index of refraction; it reflects 96 %.
+const MAX_IOR: f32 = 100.0;
 
 /// Appends all materials and glTF's default material to the model, with their textures.
 pub(super) fn read(
@@ -21,12 +26,13 @@ pub(super) fn read(
     model.materials.push(read_material(root.materials.len(), &json::Material::default(), &mut textures)?);
     model.textures = textures.textures;
     model.warnings.extend(textures.warnings);
-    let transmissive = model.materials.iter().filter(|material| material.transmission > 0.0);
-    let transmissive: Vec<String> = transmissive.map(|material| material.name.clone()).collect();
-    if !transmissive.is_empty() {
-        model.warnings.push(MeshWarning::Transmission { materials: transmissive });
+    let thin = model.materials.iter().filter(|material| material.transmission > 0.0 && material.volume.is_none());
+    let thin: Vec<String> = thin.map(|material| material.name.clone()).collect();
+    if !thin.is_empty() {
+        model.warnings.push(MeshWarning::ThinGlass { materials: thin });
     }
-    let mut ignored: Vec<&str> = root.materials.iter().flat_map(|source| source.extensions.ignored()).collect();
+    let extensions = root.materials.iter().map(|source| &source.extensions);
+    let mut ignored: Vec<&str> = extensions.flat_map(|e| e.ignored().chain(e.ignored_textures())).collect();
     ignored.sort_unstable();
     ignored.dedup();
     if !ignored.is_empty() {
@@ -56,6 +62,14 @@ fn read_material(index: usize, source: &json::Material, textures: &mut TextureLo
         double_sided: source.double_sided,
         unlit: extensions.unlit.is_some(),
         transmission: extensions.transmission.as_ref().map_or(Ok(0.0), |given| transmission(given, textures))?,
+        volume: extensions.volume.as_ref().filter(|v| v.thickness_factor > 0.0).map(volume),
+        ior: extensions.ior.as_ref().map_or(GLASS_IOR, |given| refractive_index(given.ior)),
+        specular: extensions.specular.as_ref().map_or([1.0; 3], |given| {
+            let strength = share(given.specular_factor);
+            given.specular_color_factor.map(|color| non_negative(color) * strength)
+        }),
+        clearcoat: extensions.clearcoat.as_ref().map_or(0.0, |given| share(given.clearcoat_factor)),
+        clearcoat_roughness: extensions.clearcoat.as_ref().map_or(0.0, |c| share(c.clearcoat_roughness_factor)),
         diffuse_transmission: diffuse_transmission.map_or(0.0, |t| share(t.diffuse_transmission_factor)),
         ..Material::default()
     };
@@ -78,6 +92,27 @@ fn transmission(given: &Transmission, textures: &mut TextureLoader) -> Result<f3
     let coarsest = texture.and_then(|reference| textures.textures[reference.texture].levels.last());
     let mean = coarsest.map_or(1.0, |level| f32::from(level.pixels()[0][0]) / 255.0);
     Ok(share(given.transmission_factor) * mean)
+}
+
+/// Returns the interior; its thickness only tells that the surface is not a thin sheet, as light is traced through the
+/// mesh.
+fn volume(given: &json::Volume) -> Volume {
+    let distance = given.attenuation_distance;
+    Volume {
+        attenuation_color: given.attenuation_color.map(share),
+        attenuation_distance_m: if distance > 0.0 { distance } else { f32::INFINITY },
+    }
+}
+
+/// Returns an index of refraction; 0, which stands for a mirror, becomes a very high one.
+fn refractive_index(given: f32) -> f32 {
+    if given == 0.0 {
+        MAX_IOR
+    } else if given.is_finite() {
+        given.clamp(1.0, MAX_IOR)
+    } else {
+        GLASS_IOR
+    }
 }
 
 fn in_range(given: &SpecularGlossiness) -> SpecularGlossiness {

@@ -6,7 +6,7 @@ use base64::Engine;
 use lo_geometry::Vec3;
 use serde_json::{Value, json};
 
-use crate::{AlphaMode, MeshError, MeshWarning, Model, Wrap};
+use crate::{AlphaMode, MeshError, MeshWarning, Model, Volume, Wrap};
 
 fn read(bytes: &[u8]) -> Result<Model, MeshError> {
     Model::from_gltf_bytes(bytes, &|_| Err(Error::from(ErrorKind::NotFound)))
@@ -258,27 +258,54 @@ fn specular_glossiness_is_converted() {
 }
 
 #[test]
-fn glass_and_ignored_extensions_are_named_once() {
+fn glass_has_an_interior_if_it_has_a_thickness() {
     let glass = |transmission: Value, other: Value| {
         let mut extensions = other;
         extensions["KHR_materials_transmission"] = transmission;
         with_material(json!({"name": "pane", "extensions": extensions}), 1, vec![[102, 0, 0, 255]], json!({})).unwrap()
     };
-    let volume = json!({"KHR_materials_volume": {"thicknessFactor": 0.1}, "KHR_materials_ior": {"ior": 1.3}});
-    let model = glass(json!({"transmissionFactor": 0.75}), volume);
-    assert_eq!(model.materials[0].transmission, 0.75);
-    assert_eq!(model.warnings, [MeshWarning::Transmission { materials: vec!["pane".to_owned()] }]);
+    let volume = |thickness: f32| {
+        let volume = json!({
+            "thicknessFactor": thickness, "attenuationDistance": 0.5, "attenuationColor": [0.25, 0.5, 1]
+        });
+        json!({"KHR_materials_volume": volume, "KHR_materials_ior": {"ior": 1.25}})
+    };
+    let model = glass(json!({"transmissionFactor": 0.75}), volume(0.1));
+    let material = &model.materials[0];
+    assert_eq!((material.transmission, material.ior), (0.75, 1.25));
+    let interior = Volume { attenuation_color: [0.25, 0.5, 1.0], attenuation_distance_m: 0.5 };
+    assert_eq!(material.volume, Some(interior));
+    assert_eq!(model.warnings, []);
+    let model = glass(json!({"transmissionFactor": 0.75}), volume(0.0));
+    assert_eq!(model.materials[0].volume, None);
+    assert_eq!(model.warnings, [MeshWarning::ThinGlass { materials: vec!["pane".to_owned()] }]);
     // The mean of its image counts: 102 of 255.
     let model = glass(json!({"transmissionFactor": 0.5, "transmissionTexture": {"index": 0}}), json!({}));
     assert!((model.materials[0].transmission - 0.2).abs() < 1e-6);
-    // Extensions without effect are not named.
-    let other = json!({
-        "KHR_materials_clearcoat": {"clearcoatFactor": 1}, "KHR_materials_sheen": {"sheenColorFactor": [0, 0, 0]},
-        "KHR_materials_specular": {"specularFactor": 1}, "EXT_materials_glitter": {},
-    });
-    let model = glass(json!({}), other);
-    let names = ["EXT_materials_glitter", "KHR_materials_clearcoat"].map(str::to_owned).to_vec();
-    assert_eq!(model.warnings, [MeshWarning::MaterialExtensions { names }]);
+}
+
+#[test]
+fn layers_and_reflectance_of_dielectrics_are_read() {
+    let read = |extensions: Value| {
+        let model = with_material(json!({ "extensions": extensions }), 1, vec![[0; 4]], json!({})).unwrap();
+        (model.materials[0].clone(), model.warnings)
+    };
+    let (material, warnings) = read(json!({
+        "KHR_materials_clearcoat": {"clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.25},
+        "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 0.5, 2]},
+        "KHR_materials_ior": {"ior": 0},
+    }));
+    assert_eq!((material.clearcoat, material.clearcoat_roughness), (0.75, 0.25));
+    assert_eq!((material.specular, material.ior), ([0.5, 0.25, 1.0], 100.0));
+    assert_eq!(warnings, []);
+    // Extensions and textures that are not applied are named once; those without effect are not.
+    let (_, warnings) = read(json!({
+        "KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatTexture": {"index": 0}},
+        "KHR_materials_sheen": {"sheenColorFactor": [0, 0, 0]},
+        "KHR_materials_iridescence": {"iridescenceFactor": 1}, "EXT_materials_glitter": {},
+    }));
+    let names = ["EXT_materials_glitter", "KHR_materials_iridescence", "clearcoatTexture"].map(str::to_owned).to_vec();
+    assert_eq!(warnings, [MeshWarning::MaterialExtensions { names }]);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use lo_bsdf::GLASS_IOR;
 use lo_geometry::{Camera, Quat, RigidTransform, Vec3};
 use serde_json::{Map, Value, json};
 
@@ -279,6 +280,24 @@ fn material_json(m: &Material, lists: &mut TextureLists, used: &mut BTreeMap<&'s
     if m.transmission > 0.0 {
         extend("KHR_materials_transmission", json!({ "transmissionFactor": m.transmission }));
     }
+    if let Some(volume) = m.volume {
+        // Any thickness says that the mesh is a solid.
+        let mut value = json!({ "thicknessFactor": 1.0, "attenuationColor": volume.attenuation_color });
+        if volume.attenuation_distance_m.is_finite() {
+            value["attenuationDistance"] = volume.attenuation_distance_m.into();
+        }
+        extend("KHR_materials_volume", value);
+    }
+    if m.ior != GLASS_IOR {
+        extend("KHR_materials_ior", json!({ "ior": m.ior }));
+    }
+    if m.specular != [1.0; 3] {
+        extend("KHR_materials_specular", json!({ "specularColorFactor": m.specular }));
+    }
+    if m.clearcoat > 0.0 {
+        let value = json!({ "clearcoatFactor": m.clearcoat, "clearcoatRoughnessFactor": m.clearcoat_roughness });
+        extend("KHR_materials_clearcoat", value);
+    }
     if m.diffuse_transmission > 0.0 {
         let [r, g, b, _] = m.base_color;
         let value = json!({
@@ -301,6 +320,7 @@ mod tests {
     use lo_imaging::Image;
 
     use super::*;
+    use crate::Volume;
 
     /// Two materials, one with a rotated texture, one emissive; one unused vertex.
     fn model() -> Model {
@@ -325,6 +345,11 @@ mod tests {
             name: "lamp".to_owned(),
             emissive: [300.0, 200.0, 100.0],
             transmission: 0.5,
+            volume: Some(Volume { attenuation_color: [0.5, 0.75, 0.25], attenuation_distance_m: 0.125 }),
+            ior: 1.25,
+            specular: [0.5, 0.25, 1.5],
+            clearcoat: 0.75,
+            clearcoat_roughness: 0.25,
             double_sided: false,
             ..Material::default()
         };
@@ -349,7 +374,7 @@ mod tests {
             Model::from_gltf_bytes(&written.to_glb("tests").unwrap(), &|_| Err(std::io::Error::other("no files")))
                 .unwrap();
         assert_eq!(read.textures, written.textures);
-        assert_eq!(read.warnings, [crate::MeshWarning::Transmission { materials: vec!["lamp".to_owned()] }]);
+        assert_eq!(read.warnings, []);
         // glTF's default material comes last.
         for (read, written) in read.materials.iter().zip(&written.materials) {
             let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs().max(1.0));
@@ -419,9 +444,13 @@ mod tests {
         let root: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
         assert_eq!(root["asset"]["generator"], "tests");
         let expected = [
+            "KHR_materials_clearcoat",
             "KHR_materials_diffuse_transmission",
             "KHR_materials_emissive_strength",
+            "KHR_materials_ior",
+            "KHR_materials_specular",
             "KHR_materials_transmission",
+            "KHR_materials_volume",
             "KHR_texture_transform",
         ];
         assert_eq!(root["extensionsUsed"], json!(expected));

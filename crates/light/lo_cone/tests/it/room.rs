@@ -257,3 +257,19 @@ fn a_closed_room_stays_closed() {
         }
     }
 }
+
+#[test]
+fn wide_cones_do_not_pass_through_walls() {
+    let (light, _) = LightOctree::from_points(&surface_points(0.01), CUBE, 6, 4).unwrap();
+    for sampling in [Sampling::Blended, Sampling::Interpolated] {
+        let tracer = ConeTracer::new(&light, Settings { sampling, ..Settings::default() }).unwrap();
+        for tan_half_angle in [0.05, 0.2, 0.4, 0.6, 0.8, 1.0] {
+            let cone = |direction| Cone { origin: Vec3::new(0.3, -0.2, 0.4), direction, tan_half_angle };
+            let cones: Vec<Cone> = lo_geometry::fibonacci_sphere(1000).into_iter().map(cone).collect();
+            let mut samples = vec![ConeSample::default(); cones.len()];
+            tracer.trace_batch(&cones, &mut samples);
+            let passed = samples.iter().map(|sample| 1.0 - sample.opacity).sum::<f32>() / samples.len() as f32;
+            assert!(passed < 0.02, "{sampling:?}, {tan_half_angle}: {passed}");
+        }
+    }
+}

@@ -44,7 +44,15 @@ enum EnvironmentSource {
     Map {
         whole: RadianceMap,
         rest: RadianceMap,
+        /// The real surfaces and the photo of them, which glass shows.
+        behind: Option<Box<Behind>>,
     },
+}
+
+/// Real surfaces behind glass under a map at infinity.
+struct Behind {
+    tracer: ConeTracer,
+    photo: PhotoLookup,
 }
 
 /// Lookups that sharpen reflections beyond the octree's resolution.
@@ -87,7 +95,7 @@ impl Environment {
     pub fn new(scene: &LitScene, lighting: Lighting, counts: &Counts) -> Result<Self, InsertError> {
         match lighting {
             Lighting::Octree => Self::from_octree(scene, counts),
-            Lighting::EnvironmentMap(map) => Self::from_map(map),
+            Lighting::EnvironmentMap(map) => Self::from_map(scene, map, counts),
         }
     }
 
@@ -114,14 +122,20 @@ impl Environment {
         Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
     }
 
-    fn from_map(map: RadianceImage) -> Result<Self, InsertError> {
+    fn from_map(scene: &LitScene, map: RadianceImage, counts: &Counts) -> Result<Self, InsertError> {
         if map.width() < 2 || map.height() < 1 {
             return Err(InsertError::EnvironmentMap(format!("has only {} × {} pixels", map.width(), map.height())));
         }
         let clean = map.map(|p| p.map(|c| if c.is_finite() { c.clamp(0.0, 1e9) } else { 0.0 }));
         let (patches, rest) = map::split(&clean);
         let lights = Lights::sample(&patches, LIGHT_SAMPLES);
-        let source = EnvironmentSource::Map { whole: RadianceMap::new(clean), rest: RadianceMap::new(rest) };
+        let behind = if counts.photo_lookup {
+            let tracer = ConeTracer::new(&scene.light, Settings::default())?;
+            Some(Box::new(Behind { photo: PhotoLookup::new(scene, &tracer), tracer }))
+        } else {
+            None
+        };
+        let source = EnvironmentSource::Map { whole: RadianceMap::new(clean), rest: RadianceMap::new(rest), behind };
         Ok(Self { source, lights, lift_m: 0.0 })
     }
 
@@ -163,7 +177,7 @@ impl Environment {
                 };
                 tracer.trace_batch(cones, samples);
             }
-            EnvironmentSource::Map { whole, rest } => {
+            EnvironmentSource::Map { whole, rest, .. } => {
                 let map = if part == LightPart::All { whole } else { rest };
                 samples.extend(cones.iter().map(|cone| ConeSample {
                     radiance: map.cone(cone.direction, cone.tan_half_angle).to_array(),
@@ -213,6 +227,28 @@ impl Environment {
             lookups.photo.sharpen_from(apexes, cones, samples);
         }
         self.gather_added(cones, samples);
+    }
+
+    /// [`Environment::gather_reflected`] for cones that pass glass: under a map at infinity too, the photo is used where
+    /// it observes what they meet.
+    pub fn gather_behind(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
+        let EnvironmentSource::Map { behind: Some(behind), .. } = &self.source else {
+            self.gather_reflected(apexes, cones, samples);
+            return;
+        };
+        self.gather(LightPart::All, cones, samples);
+        let mut met = vec![ConeSample::default(); cones.len()];
+        behind.tracer.trace_batch(cones, &mut met);
+        for (met, sample) in met.iter_mut().zip(samples.iter()) {
+            met.radiance = sample.radiance;
+        }
+        behind.photo.sharpen_from(apexes, cones, &mut met);
+        for (sample, met) in samples.iter_mut().zip(met) {
+            // Elsewhere, the map stays at infinity.
+            if met.radiance != sample.radiance {
+                *sample = met;
+            }
+        }
     }
 
     /// Returns the share of each ray that real surfaces do not occlude.

@@ -191,6 +191,7 @@ impl Gatherer<'_> {
         let scales: Vec<f32> = receivers.iter().map(|r| if r.diffuse { PI / total(r) } else { 0.0 }).collect();
         let apex = |r: &Receiver| self.lifted(r.object, r.position);
         let apexes: Vec<Vec3> = receivers.iter().map(apex).collect();
+        let have_glass = self.objects.have_glass();
         // Direction by direction: rays and cones of neighbouring receivers are coherent.
         for &direction in self.directions {
             for (index, (receiver, gathered)) in receivers.iter().zip(gathered.iter_mut()).enumerate() {
@@ -202,22 +203,27 @@ impl Gatherer<'_> {
                 let above = receiver.geometric_normal.dot(direction) > 0.0;
                 let ray = Ray { origin: receiver.ray_start(self), direction };
                 let met = if above { self.objects.closest(&ray, f32::INFINITY) } else { None };
+                let passed = if above && have_glass {
+                    self.objects.passed_share(&ray, met.map_or(f32::INFINITY, |met| met.hit.distance_m))
+                } else {
+                    Vec3::ONE
+                };
                 match met {
                     Some(ObjectHit { object, hit }) => {
                         let exitant_radiance = |r: &[Radiosity]| r[object].radiance(&self.objects[object], &ray, &hit);
                         let radiance = self.radiosity.map_or(Vec3::ZERO, exitant_radiance);
-                        gathered.add(radiance, direction, cosine, scales[index]);
+                        gathered.add(radiance * passed, direction, cosine, scales[index]);
                     }
                     None => {
                         cones.push(Cone { origin: apexes[index], direction, tan_half_angle: self.tan_half_angle });
-                        owners.push((index, cosine, scales[index]));
+                        owners.push((index, cosine, scales[index], passed));
                     }
                 }
             }
         }
         self.environment.gather(LightPart::Rest, &cones, &mut samples);
-        for ((cone, sample), (index, weight, solid_angle)) in cones.iter().zip(&samples).zip(owners) {
-            let radiance = self.shadowed(receivers[index].object, cone, sample);
+        for ((cone, sample), (index, weight, solid_angle, passed)) in cones.iter().zip(&samples).zip(owners) {
+            let radiance = self.shadowed(receivers[index].object, cone, sample) * passed;
             gathered[index].add(radiance, cone.direction, weight, solid_angle);
         }
     }
@@ -243,7 +249,8 @@ impl Gatherer<'_> {
                 if above && self.objects.blocks(&ray, incidence.distance_m) {
                     continue;
                 }
-                let irradiance = incidence.irradiance;
+                let passed = if above { self.objects.passed_share(&ray, incidence.distance_m) } else { Vec3::ONE };
+                let irradiance = incidence.irradiance * passed;
                 match free {
                     Some(share) => gathered[index].add_light(receiver, direction, irradiance * share),
                     None => {

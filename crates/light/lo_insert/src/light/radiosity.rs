@@ -1,11 +1,12 @@
 //! Radiosity: diffuse light that leaves the objects, for its bounce on real surfaces and between objects.
 
-use lo_bsdf::{MetallicRoughness, specular_albedo, specular_transmittance};
+use lo_bsdf::{specular_albedo, specular_transmittance};
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::{Hit, SurfacePoint};
 
 use crate::objects::glass::diffuse_share;
 use crate::objects::object::Object;
+use crate::shade::fragment_material::bsdf_of;
 
 /// Cells along the longest edge of the object's box.
 const CELLS: f32 = 8.0;
@@ -35,7 +36,7 @@ pub(crate) fn diffuse_albedo_and_emission(point: &SurfacePoint) -> (Vec3, Vec3) 
     if point.unlit {
         return (Vec3::ZERO, Vec3::from(point.base_color));
     }
-    let bsdf = MetallicRoughness::new(Vec3::from(point.base_color), point.metallic, point.roughness);
+    let bsdf = bsdf_of(point);
     let n_dot_v = 0.7;
     let albedo = bsdf.diffuse * specular_transmittance(bsdf.f0, n_dot_v) * diffuse_share(point)
         + specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);

@@ -59,7 +59,7 @@ impl Placement {
         let placed = Self { up, support: carrier.placement.support, ..self };
         let fall_m = |offset_m: Vec3| {
             let ray = Ray { origin: from_m + offset_m, direction: -up };
-            object.closest(&ray, f32::INFINITY).map(|hit| hit.distance_m)
+            object.first(&ray, f32::INFINITY).map(|hit| hit.distance_m)
         };
         let sample_points = base.sample_points(placed.scale, placed.rotation()).chain([Vec3::ZERO]);
         let fall_m = sample_points

@@ -1,7 +1,7 @@
 use lo_geometry::{Mat3, Plane, Ray, Vec3};
 use lo_mesh::{AlphaMode, Hit, PlacedModel, SurfacePoint};
 
-use crate::objects::glass::blocked_share;
+use crate::objects::glass::{Passed, Sight, blocked_share, lets_light_pass, sight};
 use crate::pattern::hammersley;
 use crate::{InsertError, Instance};
 
@@ -35,7 +35,7 @@ pub(crate) struct Object<'a> {
     /// Whether part of it is transparent.
     pub is_see_through: bool,
     /// Whether part of it transmits light.
-    is_glass: bool,
+    pub is_glass: bool,
 }
 
 impl<'a> Object<'a> {
@@ -98,7 +98,12 @@ impl<'a> Object<'a> {
         a.max(b).min_element() < a.min(b).max_element().max(0.0)
     }
 
-    /// Returns the nearest surface before `max_m` that blocks light, facing either way.
+    /// Returns the nearest surface before `max_m`, facing either way.
+    pub fn first(&self, ray: &Ray, max_m: f32) -> Option<Hit> {
+        if self.misses(ray) { None } else { self.placed.intersect_both_sides(ray, max_m) }
+    }
+
+    /// Returns the nearest surface before `max_m` that blocks light, facing either way; glass does not.
     pub fn closest(&self, ray: &Ray, max_m: f32) -> Option<Hit> {
         if self.misses(ray) {
             return None;
@@ -106,12 +111,34 @@ impl<'a> Object<'a> {
         let mut from_m = 0.0;
         for _ in 0..MAX_LAYERS {
             let hit = self.beyond(ray, from_m, max_m, PlacedModel::intersect_both_sides)?;
-            if !self.is_see_through || self.surface(ray, &hit, 0.0).alpha >= LIGHT_ALPHA {
+            if !self.is_see_through {
+                return Some(hit);
+            }
+            let point = self.placed.surface(&hit, ray.direction, 0.0);
+            if point.alpha >= LIGHT_ALPHA && !lets_light_pass(&point) {
                 return Some(hit);
             }
             from_m = hit.distance_m;
         }
         None
+    }
+
+    /// Returns the light of a straight ray that passes the object's glass before `max_m`.
+    pub fn passed(&self, ray: &Ray, max_m: f32) -> Passed {
+        let mut passed = Passed::ALL;
+        if !self.is_glass || self.misses(ray) {
+            return passed;
+        }
+        let mut from_m = 0.0;
+        for _ in 0..MAX_LAYERS {
+            let Some(hit) = self.beyond(ray, from_m, max_m, PlacedModel::intersect_both_sides) else { break };
+            let point = self.placed.surface(&hit, ray.direction, 0.0);
+            if lets_light_pass(&point) {
+                passed.cross(&point, -ray.direction, hit.distance_m);
+            }
+            from_m = hit.distance_m;
+        }
+        passed
     }
 
     /// Returns whether anything before `max_m` blocks light.
@@ -182,10 +209,10 @@ impl<'a> Object<'a> {
     }
 
     /// Returns material and shading frame at a hit; textures are averaged over a width of `footprint_m`. Alpha is
-    /// reduced by transmission.
+    /// reduced where a pane shows the photo.
     pub fn surface(&self, ray: &Ray, hit: &Hit, footprint_m: f32) -> SurfacePoint {
         let point = self.placed.surface(hit, ray.direction, footprint_m);
-        if point.transmission > 0.0 {
+        if sight(&point) == Sight::Pane {
             return SurfacePoint { alpha: point.alpha * blocked_share(&point, -ray.direction), ..point };
         }
         point

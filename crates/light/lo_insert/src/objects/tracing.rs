@@ -1,6 +1,6 @@
 use std::ops::Index;
 
-use lo_geometry::Ray;
+use lo_geometry::{Ray, Vec3};
 use lo_mesh::{Hit, SurfacePoint};
 
 use crate::objects::object::Object;
@@ -46,6 +46,34 @@ impl<'a> Objects<'a> {
 
     pub fn iter(&self) -> std::slice::Iter<'_, Object<'a>> {
         self.all.iter()
+    }
+
+    /// Returns whether any of them transmits light.
+    pub fn have_glass(&self) -> bool {
+        self.all.iter().any(|object| object.is_glass)
+    }
+
+    /// Returns the nearest surface, facing either way.
+    pub fn first(&self, ray: &Ray) -> Option<ObjectHit> {
+        let mut nearest: Option<ObjectHit> = None;
+        for (object, candidate) in self.all.iter().enumerate() {
+            let before_m = nearest.map_or(f32::INFINITY, |nearest| nearest.hit.distance_m);
+            nearest = candidate.first(ray, before_m).map(|hit| ObjectHit { object, hit }).or(nearest);
+        }
+        nearest
+    }
+
+    /// Returns the share of a straight ray's light that the objects' glass before `max_m` lets pass, linear RGB.
+    pub fn passed_share(&self, ray: &Ray, max_m: f32) -> Vec3 {
+        let glass = self.all.iter().filter(|object| object.is_glass);
+        glass.fold(Vec3::ONE, |share, object| share * object.passed(ray, max_m).share)
+    }
+
+    /// Returns the glass of object `index` on a ray that no object blocks before.
+    pub fn glass_of(&self, index: usize, ray: &Ray) -> Option<Hit> {
+        let object = &self.all[index];
+        let hit = if object.is_glass { object.first(ray, f32::INFINITY) } else { None };
+        hit.filter(|hit| self.is_first(index, ray, hit))
     }
 
     /// Returns the nearest surface before `max_m` that blocks light, facing either way.
@@ -118,7 +146,7 @@ fn reaches_into(object: &Object, other: &Object) -> bool {
         // Take the middle of thin parts.
         let start = point.position - START * object.radius_m * point.geometric_normal;
         let inwards = Ray { origin: start, direction: -point.geometric_normal };
-        let through_m = object.closest(&inwards, 2.0 * depth_m).map_or(2.0 * depth_m, |hit| hit.distance_m);
+        let through_m = object.first(&inwards, 2.0 * depth_m).map_or(2.0 * depth_m, |hit| hit.distance_m);
         other.contains(inwards.at(0.5 * through_m))
     };
     let count = points.iter().filter(|point| inside(point)).count();

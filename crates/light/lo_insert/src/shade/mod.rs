@@ -5,5 +5,6 @@ pub(crate) mod composite;
 pub(crate) mod fragment_material;
 pub(crate) mod gloss;
 pub(crate) mod redistortion;
+pub(crate) mod refraction;
 pub(crate) mod shader;
 pub(crate) mod visibility;

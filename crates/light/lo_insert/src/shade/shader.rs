@@ -4,19 +4,21 @@ use std::collections::HashMap;
 use std::f32::consts::PI;
 
 use lo_bsdf::{GgxSample, MIN_COSINE, MetallicRoughness, fresnel, specular_albedo, specular_transmittance};
-use lo_cone::Cone;
+use lo_cone::{Cone, ConeSample};
 use lo_events::{Cancelled, OnEvent};
-use lo_geometry::{Mat3, Ray, Vec3, smoothstep};
+use lo_geometry::{Camera, Mat3, Ray, Vec2, Vec3, smoothstep};
+use lo_mesh::SurfacePoint;
 use rayon::prelude::*;
 
 use crate::batches::Batches;
 use crate::light::aperture::{cone_tangent, quantised};
-use crate::light::environment::LightPart;
+use crate::light::environment::{Environment, LightPart};
 use crate::light::gather::{Gatherer, RECEIVERS_PER_TASK, Receiver};
-use crate::objects::glass::{blocked_share, diffuse_share};
+use crate::objects::glass::{Sight, blocked_share, diffuse_share, sight, transmission};
 use crate::pattern::hammersley;
 use crate::shade::blocks::Blocks;
-use crate::shade::fragment_material::FragmentMaterial;
+use crate::shade::fragment_material::{FragmentMaterial, bsdf_of, coat_of};
+use crate::shade::refraction::{RayEnd, RefractedRays};
 use crate::shade::visibility::Fragment;
 use crate::stages;
 
@@ -37,14 +39,33 @@ const FAINT_F0: f32 = 0.1;
 /// Smallest perceptual roughness at which reflections are shared.
 const SHARED_ROUGHNESS: f32 = 0.2;
 
+/// Half-angle tangent of a ray through glass as a multiple of the spread of its pixel's rays over their number.
+const FOOTPRINT: f32 = 1.5;
+
+/// Largest half-angle tangent of a pixel's footprint behind glass; neighbouring rays that part are no wide cone.
+const MAX_PIXEL_TANGENT: f32 = 0.2;
+
 /// Fragments per task when reflections are gathered; the result does not depend on it.
 const FRAGMENTS_PER_TASK: usize = 128;
 
 /// Largest distance of neighbouring fragments on one surface, as a multiple of the pixel spacing.
 const NEIGHBOURING: f32 = 4.0;
 
-/// Index of a cone's reflection, and the cone's share of it.
+/// Index of the request of a cone, and the cone's share of it.
 type ConeOwner = (usize, f32);
+
+/// Gathers light along cones: [`Environment::gather_reflected`] or [`Environment::gather_behind`].
+type Gather = fn(&Environment, &[Vec3], &mut [Cone], &mut Vec<ConeSample>);
+
+/// Light asked for at the end of a ray.
+struct Request {
+    /// Index of what the ray belongs to.
+    owner: usize,
+    end: RayEnd,
+    tan_half_angle: f32,
+    /// Share of the lights that comes from light samples instead.
+    sampled: f32,
+}
 
 /// Shades fragments.
 pub(crate) struct Shader<'a> {
@@ -53,6 +74,11 @@ pub(crate) struct Shader<'a> {
     pub specular_cones: usize,
     /// Side in pixels of the blocks that share gathered diffuse light.
     pub stride: usize,
+    /// Camera in pixels of the photo.
+    pub camera: Camera,
+    /// Positions within a pixel of the rays through glass, see
+    /// [`coverage_pattern`](crate::shade::visibility::coverage_pattern).
+    pub glass_rays: &'a [Vec2],
 }
 
 /// One reflected direction of a fragment.
@@ -76,9 +102,9 @@ impl Shader<'_> {
         let materials: Vec<FragmentMaterial> = fragments
             .par_iter()
             .map(|f| {
-                let bsdf = MetallicRoughness::new(Vec3::from(f.point.base_color), f.point.metallic, f.point.roughness);
+                let bsdf = bsdf_of(&f.point);
                 let faint = bsdf.f0.max_element() < FAINT_F0 && f.point.roughness > SHARED_ROUGHNESS;
-                let diffuse = bsdf.diffuse != Vec3::ZERO;
+                let diffuse = bsdf.diffuse != Vec3::ZERO && diffuse_share(&f.point) > 0.0;
                 let gloss = sampled_share(f.point.roughness) > 0.0;
                 FragmentMaterial { bsdf, shares_reflection: self.stride > 1 && faint, diffuse, gloss }
             })
@@ -93,22 +119,28 @@ impl Shader<'_> {
         let wanted: Vec<usize> = (0..fragments.len())
             .filter(|&i| !fragments[i].point.unlit && (is_source[i] || !materials[i].shares_reflection))
             .collect();
-        let mut batches = Batches::new(on_event, stages::SHADING, receivers.len() + wanted.len());
+        let chosen = |is_chosen: fn(&Fragment) -> bool| -> Vec<usize> {
+            (0..fragments.len()).filter(|&i| !fragments[i].point.unlit && is_chosen(&fragments[i])).collect()
+        };
+        let glass = chosen(|fragment| sight(&fragment.point) == Sight::Traced);
+        let coated = chosen(|fragment| fragment.point.clearcoat > 0.0);
+        let steps = receivers.len() + wanted.len() + glass.len() + coated.len();
+        let mut batches = Batches::new(on_event, stages::SHADING, steps);
         let cones = self.gatherer.directions.len();
         let gathered = batches.each(receivers.len(), cones, RECEIVERS_PER_TASK, |range| {
             self.gatherer.gather_parallel(&receivers[range])
         })?;
-        let spreads = spreads(fragments, &wanted);
-        let means = batches.each(wanted.len(), self.specular_cones, FRAGMENTS_PER_TASK, |range| {
-            let spreads = spreads[range.clone()].par_chunks(FRAGMENTS_PER_TASK);
-            let chunks = wanted[range].par_chunks(FRAGMENTS_PER_TASK).zip(spreads);
-            chunks
-                .flat_map_iter(|(chunk, spreads)| self.reflected_means(chunk, spreads, fragments, &materials))
-                .collect()
+        let base = |i: usize| (materials[i].bsdf, sampled_share(fragments[i].point.roughness));
+        let reflected = self.reflected_means(&wanted, fragments, base, &mut batches)?;
+        let coat = |i: usize| (coat_of(&fragments[i].point), 0.0);
+        let coat_reflected = self.reflected_means(&coated, fragments, coat, &mut batches)?;
+        let lights = batches.each(glass.len(), 2 * self.glass_rays.len(), FRAGMENTS_PER_TASK, |range| {
+            let chunks = glass[range].par_chunks(FRAGMENTS_PER_TASK);
+            chunks.flat_map_iter(|chunk| self.transmitted(chunk, fragments)).collect()
         })?;
-        let mut reflected = vec![Vec3::ZERO; fragments.len()];
-        for (&i, mean) in wanted.iter().zip(means) {
-            reflected[i] = mean;
+        let mut transmitted = vec![Vec3::ZERO; fragments.len()];
+        for (&i, light) in glass.iter().zip(lights) {
+            transmitted[i] = light;
         }
         let shaded = (0..fragments.len())
             .into_par_iter()
@@ -121,32 +153,57 @@ impl Shader<'_> {
                 let (bsdf, n_dot_v) = (&materials[i].bsdf, n_dot_v(&fragments[i]));
                 let diffuse =
                     bsdf.diffuse * specular_transmittance(bsdf.f0, n_dot_v) * light.irradiance * (point.occlusion / PI);
-                let specular = light.reflected * specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
-                let reflected = specular + light.highlights * sampled_share(point.roughness);
-                let radiance = diffuse * diffuse_share(point) + reflected + Vec3::from(point.emissive);
-                // Coverage multiplies it later, but the light of glass is not dimmed by what passes through.
-                radiance / blocked_share(point, fragments[i].view)
+                let albedo = specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
+                let reflected = light.reflected * albedo + light.highlights * sampled_share(point.roughness);
+                let passed = transmitted[i] * (Vec3::ONE - albedo) * transmission(point);
+                let radiance = diffuse * diffuse_share(point) + reflected + passed + Vec3::from(point.emissive);
+                let coat = coat_of(point);
+                let coat_albedo = specular_albedo(coat.f0, coat.roughness, n_dot_v) * point.clearcoat;
+                let radiance = radiance * (Vec3::ONE - coat_albedo) + coat_reflected[i] * coat_albedo;
+                // Coverage multiplies it later, but the light of a pane is not dimmed by what passes through.
+                if sight(point) == Sight::Pane { radiance / blocked_share(point, fragments[i].view) } else { radiance }
             })
             .collect();
         Ok(shaded)
     }
 
-    /// Returns the mean radiance that the specular layer of each `chosen` fragment reflects, without the light
-    /// samples.
+    /// Returns for each fragment the mean radiance that a specular layer of the `chosen` ones reflects, without the
+    /// light samples. `layer` gives the layer's BSDF and the share of the lights' highlight that light samples make.
     fn reflected_means(
+        &self,
+        chosen: &[usize],
+        fragments: &[Fragment],
+        layer: impl Fn(usize) -> (MetallicRoughness, f32) + Sync,
+        batches: &mut Batches<'_>,
+    ) -> Result<Vec<Vec3>, Cancelled> {
+        let spreads = spreads(fragments, chosen);
+        let means = batches.each(chosen.len(), self.specular_cones, FRAGMENTS_PER_TASK, |range| {
+            let spreads = spreads[range.clone()].par_chunks(FRAGMENTS_PER_TASK);
+            let chunks = chosen[range].par_chunks(FRAGMENTS_PER_TASK).zip(spreads);
+            chunks.flat_map_iter(|(chunk, spreads)| self.chunk_means(chunk, spreads, fragments, &layer)).collect()
+        })?;
+        let mut reflected = vec![Vec3::ZERO; fragments.len()];
+        for (&i, mean) in chosen.iter().zip(means) {
+            reflected[i] = mean;
+        }
+        Ok(reflected)
+    }
+
+    fn chunk_means(
         &self,
         chosen: &[usize],
         spreads: &[f32],
         fragments: &[Fragment],
-        materials: &[FragmentMaterial],
+        layer: &impl Fn(usize) -> (MetallicRoughness, f32),
     ) -> Vec<Vec3> {
         let mut reflections: Vec<Reflection> = Vec::with_capacity(chosen.len() * self.specular_cones);
         for (slot, &i) in chosen.iter().enumerate() {
-            self.reflections(slot, &fragments[i], &materials[i].bsdf, spreads[slot], &mut reflections);
+            self.reflections(slot, &fragments[i], &layer(i).0, spreads[slot], &mut reflections);
         }
         // Cones of one aperture are adjacent. The sort is stable, so the order is deterministic.
         reflections.sort_by(|a, b| a.tan_half_angle.total_cmp(&b.tan_half_angle).then(a.sample.cmp(&b.sample)));
-        let radiance = self.reflected(chosen, fragments, &reflections);
+        let sampled: Vec<f32> = chosen.iter().map(|&i| layer(i).1).collect();
+        let radiance = self.reflected(chosen, &sampled, fragments, &reflections);
         let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); chosen.len()];
         for (reflection, radiance) in reflections.iter().zip(radiance) {
             let (light, weight) = &mut sums[reflection.slot];
@@ -209,47 +266,122 @@ impl Shader<'_> {
     }
 
     /// Returns the radiance from each reflected direction: of an object, or of the environment.
-    fn reflected(&self, chosen: &[usize], fragments: &[Fragment], reflections: &[Reflection]) -> Vec<Vec3> {
+    fn reflected(
+        &self,
+        chosen: &[usize],
+        sampled: &[f32],
+        fragments: &[Fragment],
+        reflections: &[Reflection],
+    ) -> Vec<Vec3> {
+        let rays = self.rays();
+        let (mut requests, mut ends) = (Vec::with_capacity(reflections.len()), Vec::new());
+        for (owner, &Reflection { slot, direction, tan_half_angle, .. }) in reflections.iter().enumerate() {
+            let Fragment { point, object, .. } = fragments[chosen[slot]];
+            let origin = self.gatherer.ray_start(object, point.position, point.geometric_normal);
+            let ray = Ray { origin, direction };
+            ends.clear();
+            if rays.objects.have_glass() {
+                rays.from_surface(object, ray, &mut ends);
+            } else {
+                let met = rays.objects.closest(&ray, f32::INFINITY);
+                ends.push(RayEnd { ray, object, met, share: Vec3::ONE, spread: 0.0 });
+            }
+            let sampled = sampled[slot];
+            requests.extend(ends.drain(..).map(|end| Request { owner, end, tan_half_angle, sampled }));
+        }
+        self.arriving(&requests, reflections.len(), Environment::gather_reflected)
+    }
+
+    fn rays(&self) -> RefractedRays<'_> {
+        RefractedRays { objects: self.gatherer.objects, count: self.glass_rays.len() }
+    }
+
+    /// Returns the radiance that each of the `chosen` fragments of glass lets pass, as a share of what it does not
+    /// reflect.
+    fn transmitted(&self, chosen: &[usize], fragments: &[Fragment]) -> Vec<Vec3> {
+        let rays = self.rays();
+        let (mut requests, mut ends) = (Vec::new(), Vec::new());
+        let mut main = Vec::with_capacity(rays.count);
+        for (owner, &i) in chosen.iter().enumerate() {
+            main.clear();
+            let first = requests.len();
+            for (k, &place) in self.glass_rays.iter().enumerate() {
+                let (point, view) = self.point_within_pixel(&fragments[i], place);
+                ends.clear();
+                rays.enter(fragments[i].object, &point, view, hammersley(k, rays.count), &mut ends);
+                main.extend(ends.first().map(|end| end.ray.direction));
+                requests.extend(ends.drain(..).map(|end| Request { owner, end, tan_half_angle: 0.0, sampled: 0.0 }));
+            }
+            // The pixel's footprint, shared by its rays.
+            let mean = main.iter().copied().sum::<Vec3>() / main.len().max(1) as f32;
+            let variance = main.iter().map(|&direction| (direction - mean).length_squared()).sum::<f32>();
+            let pixel = FOOTPRINT * (variance.sqrt() / rays.count as f32);
+            for request in &mut requests[first..] {
+                let spread = pixel.min(MAX_PIXEL_TANGENT).hypot(request.end.spread);
+                request.tan_half_angle = quantised(spread.max(self.camera.pixel_angle_rad()).min(MAX_TANGENT));
+            }
+        }
+        // Cones of one aperture are adjacent.
+        requests.sort_by(|a, b| a.tan_half_angle.total_cmp(&b.tan_half_angle));
+        let mut light = self.arriving(&requests, chosen.len(), Environment::gather_behind);
+        light.iter_mut().for_each(|light| *light /= rays.count as f32);
+        light
+    }
+
+    /// Returns the surface at a place within a fragment's pixel, and the direction to the camera.
+    fn point_within_pixel(&self, fragment: &Fragment, place: Vec2) -> (SurfacePoint, Vec3) {
+        let (x, y) = fragment.pixel;
+        let direction = self.camera.direction(x as f64 + f64::from(place.x), y as f64 + f64::from(place.y));
+        let ray = Ray { origin: Vec3::ZERO, direction };
+        let object = &self.gatherer.objects[fragment.object];
+        let distance_m = fragment.point.position.length();
+        let pixel_m = distance_m * self.camera.pixel_angle_rad();
+        let reach_m = NEIGHBOURING * pixel_m / n_dot_v(fragment).max(0.1);
+        match object.seen(&ray, (distance_m - reach_m).max(0.0)).filter(|hit| hit.distance_m < distance_m + reach_m) {
+            Some(hit) => (object.surface(&ray, &hit, pixel_m), -direction),
+            None => (fragment.point, fragment.view),
+        }
+    }
+
+    /// Returns the sum of what arrives along the rays of each of `count` owners. `gather` is how the environment's light
+    /// is gathered together with its lights.
+    fn arriving(&self, requests: &[Request], count: usize, gather: Gather) -> Vec<Vec3> {
         let gatherer = &self.gatherer;
-        let mut radiance = vec![Vec3::ZERO; reflections.len()];
-        // Requests to the environment: with its lights, and without.
+        let mut radiance = vec![Vec3::ZERO; count];
+        // Cones to the environment: with its lights, and without.
         let mut asked: [(Vec<Cone>, Vec<ConeOwner>); 2] = Default::default();
         let mut apexes = Vec::new();
-        for (i, reflection) in reflections.iter().enumerate() {
-            let point = &fragments[chosen[reflection.slot]].point;
-            let object = fragments[chosen[reflection.slot]].object;
-            let origin = gatherer.ray_start(object, point.position, point.geometric_normal);
-            let ray = Ray { origin, direction: reflection.direction };
-            if let Some(met) = gatherer.objects.closest(&ray, f32::INFINITY) {
+        for (i, Request { owner, end, tan_half_angle, sampled }) in requests.iter().enumerate() {
+            if let Some(met) = end.met {
                 if let Some(radiosity) = gatherer.radiosity {
-                    let footprint_m = met.hit.distance_m * reflection.tan_half_angle;
+                    let footprint_m = met.hit.distance_m * tan_half_angle;
                     let met_object = &gatherer.objects[met.object];
-                    let point = met_object.surface(&ray, &met.hit, footprint_m);
-                    radiance[i] = radiosity[met.object].radiance_of(met_object, &point);
+                    let point = met_object.surface(&end.ray, &met.hit, footprint_m);
+                    radiance[*owner] += radiosity[met.object].radiance_of(met_object, &point) * end.share;
                 }
                 continue;
             }
-            let lifted = gatherer.lifted(object, point.position);
-            let cone =
-                Cone { origin: lifted, direction: reflection.direction, tan_half_angle: reflection.tan_half_angle };
-            let sampled = if gatherer.environment.lights().is_empty() { 0.0 } else { sampled_share(point.roughness) };
+            let origin = gatherer.lifted(end.object, end.ray.origin);
+            let tan_half_angle = quantised(tan_half_angle.hypot(end.spread)).min(MAX_TANGENT);
+            let cone = Cone { origin, direction: end.ray.direction, tan_half_angle };
+            let sampled = if gatherer.environment.lights().is_empty() { 0.0 } else { *sampled };
             for (part, share) in [1.0 - sampled, sampled].into_iter().enumerate().filter(|(_, share)| *share > 0.0) {
                 asked[part].0.push(cone);
                 asked[part].1.push((i, share));
                 if part == 0 {
-                    apexes.push(origin);
+                    apexes.push(end.ray.origin);
                 }
             }
         }
         let mut samples = Vec::new();
         for (part, (cones, owners)) in [LightPart::All, LightPart::Rest].into_iter().zip(&mut asked) {
             match part {
-                LightPart::All => gatherer.environment.gather_reflected(&apexes, cones, &mut samples),
+                LightPart::All => gather(gatherer.environment, &apexes, cones, &mut samples),
                 LightPart::Rest => gatherer.environment.gather(part, cones, &mut samples),
             }
             for ((cone, sample), &mut (i, share)) in cones.iter().zip(&samples).zip(owners) {
-                let object = fragments[chosen[reflections[i].slot]].object;
-                radiance[i] += gatherer.shadowed(object, cone, sample) * share;
+                let Request { owner, end, .. } = &requests[i];
+                radiance[*owner] += gatherer.shadowed(end.object, cone, sample) * end.share * share;
             }
         }
         radiance

@@ -253,17 +253,22 @@ impl ShadowField {
                     continue;
                 }
                 // Each object takes its share of what the others leave.
-                let (mut weight, mut left) = (0.0, 1.0);
+                let (mut weight, mut left) = (Vec3::ZERO, Vec3::ONE);
                 for &AffectingObject { object, start, strength } in &near {
                     let silhouettes = &caster.silhouettes[object];
                     let blocked = silhouettes.blocked(pattern, i, surface.position_m).unwrap_or_else(|| {
                         let ray = Ray { origin: start, direction: incidence.direction };
-                        if caster.objects[object].blocks(&ray, incidence.distance_m) { 1.0 } else { 0.0 }
+                        let placed = &caster.objects[object];
+                        if placed.blocks(&ray, incidence.distance_m) {
+                            Vec3::ONE
+                        } else {
+                            Vec3::ONE - placed.passed(&ray, incidence.distance_m).share
+                        }
                     });
                     weight += cosine * strength * blocked * left;
-                    left *= 1.0 - strength * blocked;
+                    left *= Vec3::ONE - strength * blocked;
                 }
-                if weight > 0.0 {
+                if weight != Vec3::ZERO {
                     let apex = surface.position_m + surface.normal * caster.environment.lift_m;
                     let Incidence { direction, distance_m, .. } = incidence;
                     rays.push(LightRay { place: surface.position_m, apex, direction, distance_m });
@@ -301,18 +306,39 @@ impl ShadowField {
             }
             let ray = Ray { origin: start, direction };
             let weight = cosine * solid_angle * (count - i as f32).min(1.0);
-            let given = match caster.radiosity {
-                Some(radiosity) => {
-                    let Some(hit) = caster.objects.closest_of(object, &ray) else { continue };
-                    radiosity[object].radiance(&caster.objects[object], &ray, &hit)
-                }
-                None if caster.objects.blocked_by(object, &ray) => Vec3::ZERO,
-                None => continue,
+            let placed = &caster.objects[object];
+            let (hidden, given) = match caster.radiosity {
+                Some(radiosity) => match caster.objects.closest_of(object, &ray) {
+                    Some(hit) => {
+                        let passed = placed.passed(&ray, hit.distance_m).share;
+                        (Vec3::ONE, radiosity[object].radiance(placed, &ray, &hit) * passed)
+                    }
+                    None => self.hidden_by_glass(caster, object, &ray),
+                },
+                None if caster.objects.blocked_by(object, &ray) => (Vec3::ONE, Vec3::ZERO),
+                None => self.hidden_by_glass(caster, object, &ray),
             };
-            let (ambient, given) = (caster.backdrops[object].radiance(start, direction) * weight, given * weight);
-            change = change + ShadowTerms { ambient, given, form_factor: weight / PI, ..ShadowTerms::default() };
+            if hidden == Vec3::ZERO {
+                continue;
+            }
+            let seen = caster.backdrops[object].radiance(start, direction);
+            let (ambient, given) = (seen * hidden * weight, given * weight);
+            let form_factor = weight / PI * hidden.element_sum() / 3.0;
+            change = change + ShadowTerms { ambient, given, form_factor, ..ShadowTerms::default() };
         }
         change
+    }
+
+    /// Returns the share of the room behind an object that its glass hides along a ray, and the radiance that it
+    /// reflects instead.
+    fn hidden_by_glass(&self, caster: &Caster, object: usize, ray: &Ray) -> (Vec3, Vec3) {
+        let Some(hit) = caster.objects.glass_of(object, ray) else { return (Vec3::ZERO, Vec3::ZERO) };
+        let placed = &caster.objects[object];
+        let passed = placed.passed(ray, f32::INFINITY);
+        let normal = placed.triangle_normal(hit.triangle);
+        let mirrored = ray.direction - 2.0 * normal.dot(ray.direction) * normal;
+        let reflected = caster.backdrops[object].radiance(ray.at(hit.distance_m), mirrored);
+        (Vec3::ONE - passed.share, reflected * (1.0 - passed.clear))
     }
 
     /// Computes the ratio from the mean change over the neighbourhood.

@@ -4,6 +4,7 @@
 //! of hiding one point after the other.
 
 use lo_geometry::{Ray, Vec3, orthonormal_basis};
+use lo_mesh::Hit;
 use rayon::prelude::*;
 
 use crate::light::samples::{LightSample, Lights, Origin};
@@ -29,9 +30,20 @@ struct ShadowMap {
     distance_m: f32,
     half_width_m: f32,
     side: usize,
-    /// Distance of the object along the light's rays; infinite outside of it.
-    nearest_m: Vec<f32>,
+    /// What each texel's ray meets.
+    texels: Vec<Texel>,
     bias_m: f32,
+}
+
+/// What a light's ray meets.
+#[derive(Clone, Copy)]
+struct Texel {
+    /// Distance of the nearest surface that blocks it; infinite outside of the object.
+    nearest_m: f32,
+    /// Distance of the nearest glass.
+    glass_m: f32,
+    /// Share of the light that passes all glass, linear RGB.
+    passed: Vec3,
 }
 
 impl Silhouettes {
@@ -46,9 +58,9 @@ impl Silhouettes {
         Self { maps: (0..patterns).into_par_iter().map(of_pattern).collect() }
     }
 
-    /// Returns the share of the light of sample `index` of a pattern that the object blocks at a point; `None` if a
-    /// ray must be cast.
-    pub fn blocked(&self, pattern: usize, index: usize, point: Vec3) -> Option<f32> {
+    /// Returns the share of the light of sample `index` of a pattern that the object blocks at a point, linear RGB;
+    /// `None` if a ray must be cast.
+    pub fn blocked(&self, pattern: usize, index: usize, point: Vec3) -> Option<Vec3> {
         self.maps.get(pattern)?.get(index)?.as_ref().map(|map| map.blocked(point))
     }
 }
@@ -79,7 +91,7 @@ impl ShadowMap {
             distance_m,
             half_width_m,
             side,
-            nearest_m: Vec::new(),
+            texels: Vec::new(),
             bias_m: 1e-3 * radius_m,
         };
         let texel = |i: usize| {
@@ -89,16 +101,24 @@ impl ShadowMap {
                 Origin::Infinity(_) => Ray { origin: target + towards * (2.0 * radius_m), direction: -towards },
                 Origin::Point(position) => Ray { origin: position, direction: (target - position).normalize() },
             };
-            object.closest(&ray, f32::INFINITY).map_or(f32::INFINITY, |hit| match origin {
-                Origin::Infinity(_) => hit.distance_m - 2.0 * radius_m,
-                Origin::Point(_) => hit.distance_m,
-            })
+            let distance_m = |hit: Option<Hit>| {
+                hit.map_or(f32::INFINITY, |hit| match origin {
+                    Origin::Infinity(_) => hit.distance_m - 2.0 * radius_m,
+                    Origin::Point(_) => hit.distance_m,
+                })
+            };
+            let nearest_m = distance_m(object.closest(&ray, f32::INFINITY));
+            if !object.is_glass {
+                return Texel { nearest_m, glass_m: f32::INFINITY, passed: Vec3::ONE };
+            }
+            let passed = object.passed(&ray, f32::INFINITY).share;
+            Texel { nearest_m, glass_m: distance_m(object.first(&ray, f32::INFINITY)), passed }
         };
-        map.nearest_m = (0..side * side).map(texel).collect();
+        map.texels = (0..side * side).map(texel).collect();
         Some(map)
     }
 
-    fn blocked(&self, point: Vec3) -> f32 {
+    fn blocked(&self, point: Vec3) -> Vec3 {
         let (offset, along_m, scale) = match self.origin {
             Origin::Infinity(_) => {
                 let offset = point - self.centre_m;
@@ -108,7 +128,7 @@ impl ShadowMap {
                 let offset = point - position;
                 let depth_m = -offset.dot(self.towards);
                 if depth_m <= 0.0 {
-                    return 0.0;
+                    return Vec3::ZERO;
                 }
                 (offset, offset.length(), self.distance_m / depth_m)
             }
@@ -117,18 +137,27 @@ impl ShadowMap {
         let (x, y) = (texel(self.right), texel(self.up));
         let limit = self.side as f32;
         if !(x > -1.0 && y > -1.0 && x < limit && y < limit) {
-            return 0.0;
+            return Vec3::ZERO;
         }
         let (left, top) = (x.floor(), y.floor());
         let (fx, fy) = (x - left, y - top);
-        let mut blocked = 0.0;
+        let mut blocked = Vec3::ZERO;
         for (dy, wy) in [(0, 1.0 - fy), (1, fy)] {
             for (dx, wx) in [(0, 1.0 - fx), (1, fx)] {
                 let (column, row) = (left as isize + dx, top as isize + dy);
                 let inside = |k: isize| (0..self.side as isize).contains(&k);
                 if inside(column) && inside(row) {
-                    let nearest_m = self.nearest_m[row as usize * self.side + column as usize];
-                    blocked += if nearest_m < along_m - self.bias_m { wx * wy } else { 0.0 };
+                    let texel = self.texels[row as usize * self.side + column as usize];
+                    let before_m = along_m - self.bias_m;
+                    blocked += wx
+                        * wy
+                        * if texel.nearest_m < before_m {
+                            Vec3::ONE
+                        } else if texel.glass_m < before_m {
+                            Vec3::ONE - texel.passed
+                        } else {
+                            Vec3::ZERO
+                        };
                 }
             }
         }

@@ -5,6 +5,7 @@ mod box_room;
 mod reference;
 
 mod edited_lights;
+mod glass;
 mod insertion;
 mod look;
 mod mirror;

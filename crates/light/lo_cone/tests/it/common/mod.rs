@@ -108,6 +108,10 @@ impl<'a> Reference<'a> {
             StepRule::Floored(fraction) => f64::from(fraction),
         };
         let max_level = f64::from(self.octree.depth() - self.octree.full_depth());
+        let most = match self.settings.step {
+            StepRule::Literal => f64::INFINITY,
+            StepRule::Floored(_) => max_level.exp2().max(floor),
+        };
         let mut length = f64::from(self.settings.first_step);
         let mut distance = length;
         let (mut transmittance, mut margin, mut reads) = (1.0, f64::INFINITY, Vec::new());
@@ -166,7 +170,7 @@ impl<'a> Reference<'a> {
                     }
                 }
             }
-            length = (k * distance).max(floor);
+            length = (k * distance).max(floor).min(most);
             distance += length;
         }
         (reads, far * leaf, transmittance, margin)
