@@ -1,3 +1,5 @@
+use std::ops::ControlFlow;
+
 use lo_geometry::{Quat, Ray, Vec3};
 
 use crate::{Bounds, Hit, PreparedModel, SurfacePoint};
@@ -52,6 +54,18 @@ impl PlacedModel<'_> {
     /// Returns the closest hit of a front or back face. Skips fully transparent points.
     pub fn intersect_both_sides(&self, ray: &Ray, max_distance_m: f32) -> Option<Hit> {
         self.world_hit(self.prepared.intersect_both_sides(&self.model_ray(ray), max_distance_m / self.placement.scale))
+    }
+
+    /// Returns all hits of front and back faces within the distance, from near to far, transparent points included.
+    pub fn crossings(&self, ray: &Ray, max_distance_m: f32) -> Vec<Hit> {
+        let (scale, mut hits) = (self.placement.scale, Vec::new());
+        let max = max_distance_m / scale;
+        self.prepared.crossings(&self.model_ray(ray), max, |hit| {
+            hits.push(Hit { distance_m: hit.distance_m * scale, ..*hit });
+            ControlFlow::Continue(max)
+        });
+        hits.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.triangle.cmp(&b.triangle)));
+        hits
     }
 
     /// Whether a surface that blocks at least half of the light is within the distance.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use lo_geometry::{Ray, Vec3};
-use lo_mesh::{AlphaMode, LoadOptions, MeshWarning, Model, PreparedModel};
+use lo_mesh::{AlphaMode, LoadOptions, Model, PreparedModel};
 use lo_testdata::{asset, shared_data};
 
 fn load(path: &Path) -> Model {

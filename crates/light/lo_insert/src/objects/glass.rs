@@ -5,7 +5,7 @@
 
 use lo_bsdf::{dielectric_reflectance, schlick_weight};
 use lo_geometry::Vec3;
-use lo_mesh::{SurfacePoint, Volume};
+use lo_mesh::{Material, SurfacePoint, Volume};
 
 /// Smallest share of transmission for which light rays pass a surface; others block them.
 const MIN_PASSING: f32 = 0.5;
@@ -55,6 +55,12 @@ pub(crate) fn transmission(point: &SurfacePoint) -> f32 {
 /// Returns whether a surface lets light rays pass.
 pub(crate) fn lets_light_pass(point: &SurfacePoint) -> bool {
     transmission(point) >= MIN_PASSING
+}
+
+/// Returns whether a material lets light rays pass everywhere.
+pub(crate) fn always_lets_light_pass(material: &Material) -> bool {
+    let metallic = if material.metallic_roughness_texture.is_some() { 1.0 } else { material.metallic };
+    !material.unlit && material.transmission * (1.0 - metallic) >= MIN_PASSING
 }
 
 /// Light of a straight ray through glass.

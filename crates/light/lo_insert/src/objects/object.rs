@@ -1,7 +1,7 @@
 use lo_geometry::{Mat3, Plane, Ray, Vec3};
 use lo_mesh::{AlphaMode, Hit, PlacedModel, SurfacePoint};
 
-use crate::objects::glass::{Passed, Sight, blocked_share, lets_light_pass, sight};
+use crate::objects::glass::{Passed, Sight, always_lets_light_pass, blocked_share, lets_light_pass, sight};
 use crate::pattern::hammersley;
 use crate::{InsertError, Instance};
 
@@ -36,6 +36,8 @@ pub(crate) struct Object<'a> {
     pub is_see_through: bool,
     /// Whether part of it transmits light.
     pub is_glass: bool,
+    /// Whether all of it lets light pass.
+    is_all_glass: bool,
 }
 
 impl<'a> Object<'a> {
@@ -62,6 +64,10 @@ impl<'a> Object<'a> {
             support: placement.support,
             is_see_through: is_glass || materials.iter().any(|material| material.alpha_mode == AlphaMode::Blend),
             is_glass,
+            is_all_glass: materials.iter().enumerate().all(|(index, material)| {
+                let is_used = prepared.model().triangle_materials.contains(&(index as u32));
+                !is_used || always_lets_light_pass(material)
+            }),
         })
     }
 
@@ -105,7 +111,7 @@ impl<'a> Object<'a> {
 
     /// Returns the nearest surface before `max_m` that blocks light, facing either way; glass does not.
     pub fn closest(&self, ray: &Ray, max_m: f32) -> Option<Hit> {
-        if self.misses(ray) {
+        if self.is_all_glass || self.misses(ray) {
             return None;
         }
         let mut from_m = 0.0;
@@ -129,14 +135,17 @@ impl<'a> Object<'a> {
         if !self.is_glass || self.misses(ray) {
             return passed;
         }
-        let mut from_m = 0.0;
-        for _ in 0..MAX_LAYERS {
-            let Some(hit) = self.beyond(ray, from_m, max_m, PlacedModel::intersect_both_sides) else { break };
+        let mut before_m = f32::NEG_INFINITY;
+        for hit in self.placed.crossings(ray, max_m) {
+            // A ray through a shared edge meets two triangles.
+            if hit.distance_m - before_m < 1e-5 * self.radius_m {
+                continue;
+            }
+            before_m = hit.distance_m;
             let point = self.placed.surface(&hit, ray.direction, 0.0);
             if lets_light_pass(&point) {
                 passed.cross(&point, -ray.direction, hit.distance_m);
             }
-            from_m = hit.distance_m;
         }
         passed
     }

@@ -69,7 +69,7 @@ impl<'a> Objects<'a> {
         glass.fold(Vec3::ONE, |share, object| share * object.passed(ray, max_m).share)
     }
 
-    /// Returns the glass of object `index` on a ray that no object blocks before.
+    /// Returns the first glass of object `index` on a ray that no other object blocks before.
     pub fn glass_of(&self, index: usize, ray: &Ray) -> Option<Hit> {
         let object = &self.all[index];
         let hit = if object.is_glass { object.first(ray, f32::INFINITY) } else { None };

@@ -1,7 +1,9 @@
 //! Rays through glass: refraction and reflection at each boundary (Snell, Fresnel), absorption inside (Beer).
+//!
+//! Rough boundaries bend rays as smooth ones do and widen them.
 
 use lo_bsdf::{Ggx, dielectric_reflectance, refracted};
-use lo_geometry::{Mat3, Ray, Vec2, Vec3};
+use lo_geometry::{Ray, Vec3};
 use lo_mesh::{SurfacePoint, Volume};
 
 use crate::objects::glass::{Sight, sight, transmission};
@@ -22,8 +24,9 @@ const START: f32 = 2e-4;
 /// GGX α below which a surface is smooth.
 const SMOOTH_ALPHA: f32 = 0.002;
 
-/// Step of the pattern of microfacets from one boundary to the next (R₂ sequence, Roberts 2018).
-const NEXT_BOUNDARY: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
+/// Half-angle of the cone that stands for microfacets tilted by α, as a multiple of the angle by which these turn a
+/// ray.
+const TURNS: f32 = 1.0;
 
 /// The end of a ray through glass: it meets a surface that is no glass, or leaves the objects.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +39,7 @@ pub(crate) struct RayEnd {
     pub met: Option<ObjectHit>,
     /// Share of the ray's light, linear RGB.
     pub share: Vec3,
-    /// Half-angle tangent by which the roughness of the glass widens it.
+    /// Half-angle tangent of the cone to which the roughness of the glass widens it.
     pub spread: f32,
 }
 
@@ -55,51 +58,42 @@ struct Part {
 
 /// Rays through the objects' glass.
 #[derive(Clone, Copy)]
-pub(crate) struct RefractedRays<'a> {
-    pub objects: &'a Objects<'a>,
-    /// Number of rays that together sample rough glass.
-    pub count: usize,
-}
+pub(crate) struct RefractedRays<'a>(pub &'a Objects<'a>);
 
 impl RefractedRays<'_> {
     /// Adds the ends of the ray that enters glass at a surface point that the camera sees from `view`, in order of
     /// their shares. They add up to what is not reflected there, apart from the glass's colour.
-    ///
-    /// `microfacet` in [0, 1)² chooses one of rough glass.
-    pub fn enter(&self, object: usize, point: &SurfacePoint, view: Vec3, microfacet: Vec2, ends: &mut Vec<RayEnd>) {
-        let normal = self.microfacet(point, view, microfacet);
-        let (direction, inside) = passed_direction(point, -view, normal);
-        let tint = Vec3::from(point.base_color);
-        let part = Part {
-            ray: self.start(object, point, direction, -point.geometric_normal),
+    pub fn enter(&self, object: usize, point: &SurfacePoint, view: Vec3, ends: &mut Vec<RayEnd>) {
+        let whole = Part {
+            ray: Ray { origin: point.position, direction: -view },
             object,
-            inside,
-            share: if point.is_front || point.volume.is_none() { tint } else { Vec3::ONE },
+            inside: None,
+            share: Vec3::ONE,
             clear: 1.0,
-            spread: self.spread(point),
-            boundaries: 1,
+            spread: 0.0,
+            boundaries: 0,
         };
-        self.follow(part, microfacet, ends);
+        self.follow(self.passed(&whole, object, point, 1.0), ends);
     }
 
     /// Adds the ends of a ray that starts at an object, in order of their shares.
     pub fn from_surface(&self, object: usize, ray: Ray, ends: &mut Vec<RayEnd>) {
         let part = Part { ray, object, inside: None, share: Vec3::ONE, clear: 1.0, spread: 0.0, boundaries: 0 };
-        self.follow(part, Vec2::splat(0.5), ends);
+        self.follow(part, ends);
     }
 
-    fn follow(&self, first: Part, microfacet: Vec2, ends: &mut Vec<RayEnd>) {
+    fn follow(&self, first: Part, ends: &mut Vec<RayEnd>) {
         let begin = ends.len();
         let mut parts = vec![first];
         let (mut kept, mut divided) = (0.0, 1);
         while let Some(part) = parts.pop() {
             let Part { ray, object, share, spread, .. } = part;
-            let Some(met) = self.objects.first(&ray) else {
+            let Some(met) = self.0.first(&ray) else {
                 kept += part.clear;
                 ends.push(RayEnd { ray, object, met: None, share, spread });
                 continue;
             };
-            let point = self.objects[met.object].surface(&ray, &met.hit, 0.0);
+            let point = self.0[met.object].surface(&ray, &met.hit, 0.0);
             let distance_m = met.hit.distance_m;
             let absorbed = part.inside.map_or(Vec3::ONE, |volume| Vec3::from(volume.transmittance(distance_m)));
             let share = share * absorbed;
@@ -119,7 +113,7 @@ impl RefractedRays<'_> {
                 continue;
             }
             let crossing = Part { share: share * through, clear: part.clear * through, ..part };
-            self.divide(crossing, &point, &met, microfacet, &mut divided, &mut parts);
+            self.divide(crossing, met.object, &point, &mut divided, &mut parts);
         }
         // What was not followed is like the rest.
         let lost = if kept > 1e-3 { first.clear / kept } else { 0.0 };
@@ -128,49 +122,26 @@ impl RefractedRays<'_> {
     }
 
     /// Adds the parts of a ray that a boundary lets pass and reflects.
-    fn divide(
-        &self,
-        part: Part,
-        point: &SurfacePoint,
-        met: &ObjectHit,
-        microfacet: Vec2,
-        divided: &mut usize,
-        parts: &mut Vec<Part>,
-    ) {
-        let (object, direction) = (met.object, part.ray.direction);
-        let spread = part.spread.max(self.spread(point));
-        let next = |ray, inside, factor: f32, tint: Vec3| Part {
-            ray,
-            object,
-            inside,
-            share: part.share * factor * tint,
-            clear: part.clear * factor,
-            spread,
-            boundaries: part.boundaries + 1,
-        };
+    fn divide(&self, part: Part, object: usize, point: &SurfacePoint, divided: &mut usize, parts: &mut Vec<Part>) {
+        let (direction, normal) = (part.ray.direction, point.shading_normal);
         if sight(point) == Sight::Opaque {
             // A hole in a mask.
-            parts.push(next(
-                self.start(object, point, direction, -point.geometric_normal),
-                part.inside,
-                1.0,
-                Vec3::ONE,
-            ));
+            let ray = self.start(object, point, direction, -point.geometric_normal);
+            parts.push(Part { ray, object, boundaries: part.boundaries + 1, ..part });
             return;
         }
-        let place = (microfacet + part.boundaries as f32 * NEXT_BOUNDARY).fract();
-        let normal = self.microfacet(point, -direction, place);
-        let eta = eta(point);
-        let reflected = match point.volume {
-            Some(_) => dielectric_reflectance(-normal.dot(direction), eta),
-            None => dielectric_reflectance(-normal.dot(direction), point.ior),
+        let eta = if point.volume.is_some() { eta(point) } else { point.ior };
+        let reflected = dielectric_reflectance(-normal.dot(direction), eta);
+        let mirrored = Part {
+            ray: self.start(object, point, direction - 2.0 * normal.dot(direction) * normal, point.geometric_normal),
+            object,
+            share: part.share * reflected,
+            clear: part.clear * reflected,
+            spread: part.spread.hypot(turned(point, 2.0)),
+            boundaries: part.boundaries + 1,
+            ..part
         };
-        let (passed, inside) = passed_direction(point, direction, normal);
-        let tint = if point.is_front || point.volume.is_none() { Vec3::from(point.base_color) } else { Vec3::ONE };
-        let mirrored = direction - 2.0 * normal.dot(direction) * normal;
-        let mirrored =
-            next(self.start(object, point, mirrored, point.geometric_normal), part.inside, reflected, Vec3::ONE);
-        let passed = next(self.start(object, point, passed, -point.geometric_normal), inside, 1.0 - reflected, tint);
+        let passed = self.passed(&part, object, point, 1.0 - reflected);
         let (major, minor) = if reflected > 0.5 { (mirrored, passed) } else { (passed, mirrored) };
         if minor.clear >= MIN_SHARE && *divided < MAX_PARTS {
             *divided += 1;
@@ -179,31 +150,39 @@ impl RefractedRays<'_> {
         parts.push(major);
     }
 
+    /// Returns the `factor` of a ray that passes a boundary.
+    fn passed(&self, part: &Part, object: usize, point: &SurfacePoint, factor: f32) -> Part {
+        let before = part.ray.direction;
+        let (direction, inside, spread) = match point.volume {
+            Some(volume) => {
+                let eta = eta(point);
+                let direction = refracted(before, point.shading_normal, eta).unwrap_or(before);
+                // Near the normal, angles behind the boundary are 1 / η of those before it.
+                let spread = (part.spread / eta).hypot(turned(point, (1.0 - 1.0 / eta).abs()));
+                (direction, point.is_front.then_some(volume), spread)
+            }
+            // Of the two faces of a sheet.
+            None => (before, None, part.spread.hypot(turned(point, 2.0 * (point.ior - 1.0)))),
+        };
+        let is_tinted = point.is_front || point.volume.is_none();
+        let tint = if is_tinted { Vec3::from(point.base_color) } else { Vec3::ONE };
+        Part {
+            ray: self.start(object, point, direction, -point.geometric_normal),
+            object,
+            inside,
+            share: part.share * factor * tint,
+            clear: part.clear * factor,
+            spread,
+            boundaries: part.boundaries + 1,
+        }
+    }
+
     /// Returns a ray from just beside a surface point, on the side of `side`, in `direction`, which is kept on that
     /// side.
     fn start(&self, object: usize, point: &SurfacePoint, direction: Vec3, side: Vec3) -> Ray {
         let above = side.dot(direction);
         let direction = if above > 1e-3 { direction } else { (direction + side * (1e-3 - above)).normalize_or(side) };
-        Ray { origin: point.position + side * (START * self.objects[object].radius_m), direction }
-    }
-
-    /// Returns the normal of one of the microfacets that are visible from `view`.
-    fn microfacet(&self, point: &SurfacePoint, view: Vec3, place: Vec2) -> Vec3 {
-        let (normal, ggx) = (point.shading_normal, Ggx::from_roughness(point.roughness));
-        if ggx.alpha() < SMOOTH_ALPHA {
-            return normal;
-        }
-        let tangent = (view - normal * normal.dot(view)).normalize_or(normal.any_orthonormal_vector());
-        let frame = Mat3::from_cols(tangent, normal.cross(tangent), normal);
-        let cosine = normal.dot(view).clamp(lo_bsdf::MIN_COSINE, 1.0);
-        let local = Vec3::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine);
-        frame * (ggx.sample(local, place).light + local).normalize_or(Vec3::Z)
-    }
-
-    /// Returns the half-angle tangent of one of the rays that together sample a rough surface.
-    fn spread(&self, point: &SurfacePoint) -> f32 {
-        let alpha = Ggx::from_roughness(point.roughness).alpha();
-        if alpha < SMOOTH_ALPHA { 0.0 } else { alpha / (self.count as f32).sqrt() }
+        Ray { origin: point.position + side * (START * self.0[object].radius_m), direction }
     }
 }
 
@@ -212,21 +191,10 @@ fn eta(point: &SurfacePoint) -> f32 {
     if point.is_front { point.ior } else { point.ior.recip() }
 }
 
-/// Returns the direction in which a ray passes a surface, and the interior that it is in afterwards. Under total
-/// reflection, the direction is unchanged.
-fn passed_direction(point: &SurfacePoint, direction: Vec3, normal: Vec3) -> (Vec3, Option<Volume>) {
-    match point.volume {
-        Some(volume) => {
-            let passed = refracted(direction, normal, eta(point)).unwrap_or(direction);
-            (passed, point.is_front.then_some(volume))
-        }
-        None => {
-            // As wide as the reflection by the same microfacets, on the other side.
-            let mirrored = direction - 2.0 * normal.dot(direction) * normal;
-            let passed = mirrored - 2.0 * point.shading_normal.dot(mirrored) * point.shading_normal;
-            (passed, None)
-        }
-    }
+/// Returns the half-angle tangent of rays that microfacets turn by `times` their tilt.
+fn turned(point: &SurfacePoint, times: f32) -> f32 {
+    let alpha = Ggx::from_roughness(point.roughness).alpha();
+    if alpha < SMOOTH_ALPHA { 0.0 } else { TURNS * times * alpha }
 }
 
 #[cfg(test)]
@@ -237,16 +205,16 @@ mod tests {
     use super::*;
     use crate::{Instance, Placement};
 
-    fn ends(material: Material, place: Vec2) -> Vec<RayEnd> {
+    fn ends(material: Material, place: [f32; 2]) -> Vec<RayEnd> {
         let model = PreparedModel::new(Model::sphere(0.4, 6, material).unwrap());
         let position_m = Vec3::new(0.0, -0.4, -2.0);
         let placement = Placement { position_m, scale: 1.0, yaw_rad: 0.0, up: Vec3::Y, support: None };
         let objects = Objects::new(&[Instance::new(&model, placement)]).unwrap();
-        let ray = Ray { origin: Vec3::ZERO, direction: Vec3::new(place.x, place.y, -2.0).normalize() };
+        let ray = Ray { origin: Vec3::ZERO, direction: Vec3::new(place[0], place[1], -2.0).normalize() };
         let met = objects.seen(&ray, 0.0).unwrap();
         let point = objects[0].surface(&ray, &met.hit, 0.0);
         let mut ends = Vec::new();
-        RefractedRays { objects: &objects, count: 1 }.enter(0, &point, -ray.direction, Vec2::splat(0.5), &mut ends);
+        RefractedRays(&objects).enter(0, &point, -ray.direction, &mut ends);
         ends
     }
 
@@ -264,10 +232,10 @@ mod tests {
 
     #[test]
     fn shares_add_up_to_what_enters() {
-        for place in [Vec2::ZERO, Vec2::new(0.2, 0.1), Vec2::new(-0.1, 0.38)] {
+        for place in [[0.0, 0.0], [0.2, 0.1], [-0.1, 0.38]] {
             for ior in [1.0, 1.3, 1.5, 2.4] {
                 let sum: Vec3 = ends(glass(ior, Volume::CLEAR), place).iter().map(|end| end.share).sum();
-                assert!((sum - 1.0).abs().max_element() < 1e-5, "{place}, {ior}: {sum}");
+                assert!((sum - 1.0).abs().max_element() < 1e-5, "{place:?}, {ior}: {sum}");
             }
         }
     }
@@ -275,7 +243,7 @@ mod tests {
     #[test]
     fn interiors_absorb_along_the_path() {
         let volume = Volume { attenuation_color: [0.5, 0.9, 0.25], attenuation_distance_m: 0.4 };
-        let found = ends(glass(1.0, volume), Vec2::ZERO);
+        let found = ends(glass(1.0, volume), [0.0, 0.0]);
         assert_eq!(found.len(), 1);
         let expected = Vec3::new(0.25, 0.81, 0.0625);
         assert!((found[0].share / expected - 1.0).abs().max_element() < 2e-3, "{}", found[0].share);

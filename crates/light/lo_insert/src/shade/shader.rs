@@ -57,6 +57,15 @@ type ConeOwner = (usize, f32);
 /// Gathers light along cones: [`Environment::gather_reflected`] or [`Environment::gather_behind`].
 type Gather = fn(&Environment, &[Vec3], &mut [Cone], &mut Vec<ConeSample>);
 
+/// Light through a fragment of glass.
+#[derive(Clone, Copy)]
+struct Transmitted {
+    /// Radiance that passes it.
+    light: Vec3,
+    /// Share that it reflects, as a mean over the pixel.
+    albedo: Vec3,
+}
+
 /// Light asked for at the end of a ray.
 struct Request {
     /// Index of what the ray belongs to.
@@ -138,9 +147,9 @@ impl Shader<'_> {
             let chunks = glass[range].par_chunks(FRAGMENTS_PER_TASK);
             chunks.flat_map_iter(|chunk| self.transmitted(chunk, fragments)).collect()
         })?;
-        let mut transmitted = vec![Vec3::ZERO; fragments.len()];
+        let mut transmitted = vec![None; fragments.len()];
         for (&i, light) in glass.iter().zip(lights) {
-            transmitted[i] = light;
+            transmitted[i] = Some(light);
         }
         let shaded = (0..fragments.len())
             .into_par_iter()
@@ -153,9 +162,13 @@ impl Shader<'_> {
                 let (bsdf, n_dot_v) = (&materials[i].bsdf, n_dot_v(&fragments[i]));
                 let diffuse =
                     bsdf.diffuse * specular_transmittance(bsdf.f0, n_dot_v) * light.irradiance * (point.occlusion / PI);
-                let albedo = specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
+                let glass = transmitted[i].unwrap_or_else(|| Transmitted {
+                    light: Vec3::ZERO,
+                    albedo: specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v),
+                });
+                let albedo = glass.albedo;
                 let reflected = light.reflected * albedo + light.highlights * sampled_share(point.roughness);
-                let passed = transmitted[i] * (Vec3::ONE - albedo) * transmission(point);
+                let passed = glass.light * transmission(point);
                 let radiance = diffuse * diffuse_share(point) + reflected + passed + Vec3::from(point.emissive);
                 let coat = coat_of(point);
                 let coat_albedo = specular_albedo(coat.f0, coat.roughness, n_dot_v) * point.clearcoat;
@@ -280,10 +293,10 @@ impl Shader<'_> {
             let origin = self.gatherer.ray_start(object, point.position, point.geometric_normal);
             let ray = Ray { origin, direction };
             ends.clear();
-            if rays.objects.have_glass() {
+            if rays.0.have_glass() {
                 rays.from_surface(object, ray, &mut ends);
             } else {
-                let met = rays.objects.closest(&ray, f32::INFINITY);
+                let met = rays.0.closest(&ray, f32::INFINITY);
                 ends.push(RayEnd { ray, object, met, share: Vec3::ONE, spread: 0.0 });
             }
             let sampled = sampled[slot];
@@ -293,29 +306,36 @@ impl Shader<'_> {
     }
 
     fn rays(&self) -> RefractedRays<'_> {
-        RefractedRays { objects: self.gatherer.objects, count: self.glass_rays.len() }
+        RefractedRays(self.gatherer.objects)
     }
 
-    /// Returns the radiance that each of the `chosen` fragments of glass lets pass, as a share of what it does not
-    /// reflect.
-    fn transmitted(&self, chosen: &[usize], fragments: &[Fragment]) -> Vec<Vec3> {
+    /// Returns what each of the `chosen` fragments of glass lets pass.
+    fn transmitted(&self, chosen: &[usize], fragments: &[Fragment]) -> Vec<Transmitted> {
         let rays = self.rays();
         let (mut requests, mut ends) = (Vec::new(), Vec::new());
-        let mut main = Vec::with_capacity(rays.count);
+        let mut albedos = vec![Vec3::ZERO; chosen.len()];
+        let share = 1.0 / self.glass_rays.len() as f32;
+        let mut main = Vec::with_capacity(self.glass_rays.len());
         for (owner, &i) in chosen.iter().enumerate() {
             main.clear();
             let first = requests.len();
-            for (k, &place) in self.glass_rays.iter().enumerate() {
+            for &place in self.glass_rays {
                 let (point, view) = self.point_within_pixel(&fragments[i], place);
                 ends.clear();
-                rays.enter(fragments[i].object, &point, view, hammersley(k, rays.count), &mut ends);
+                rays.enter(fragments[i].object, &point, view, &mut ends);
                 main.extend(ends.first().map(|end| end.ray.direction));
-                requests.extend(ends.drain(..).map(|end| Request { owner, end, tan_half_angle: 0.0, sampled: 0.0 }));
+                let (bsdf, cosine) = (bsdf_of(&point), point.shading_normal.dot(view).clamp(MIN_COSINE, 1.0));
+                let albedo = specular_albedo(bsdf.f0, bsdf.roughness, cosine);
+                albedos[owner] += albedo * share;
+                requests.extend(ends.drain(..).map(|end| {
+                    let end = RayEnd { share: end.share * (Vec3::ONE - albedo) * share, ..end };
+                    Request { owner, end, tan_half_angle: 0.0, sampled: 0.0 }
+                }));
             }
             // The pixel's footprint, shared by its rays.
             let mean = main.iter().copied().sum::<Vec3>() / main.len().max(1) as f32;
             let variance = main.iter().map(|&direction| (direction - mean).length_squared()).sum::<f32>();
-            let pixel = FOOTPRINT * (variance.sqrt() / rays.count as f32);
+            let pixel = FOOTPRINT * variance.sqrt() * share;
             for request in &mut requests[first..] {
                 let spread = pixel.min(MAX_PIXEL_TANGENT).hypot(request.end.spread);
                 request.tan_half_angle = quantised(spread.max(self.camera.pixel_angle_rad()).min(MAX_TANGENT));
@@ -323,9 +343,8 @@ impl Shader<'_> {
         }
         // Cones of one aperture are adjacent.
         requests.sort_by(|a, b| a.tan_half_angle.total_cmp(&b.tan_half_angle));
-        let mut light = self.arriving(&requests, chosen.len(), Environment::gather_behind);
-        light.iter_mut().for_each(|light| *light /= rays.count as f32);
-        light
+        let light = self.arriving(&requests, chosen.len(), Environment::gather_behind);
+        light.into_iter().zip(albedos).map(|(light, albedo)| Transmitted { light, albedo }).collect()
     }
 
     /// Returns the surface at a place within a fragment's pixel, and the direction to the camera.
