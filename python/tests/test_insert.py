@@ -45,7 +45,7 @@ def test_composites_are_those_of_the_command_line(
     objects: Any, options: dict[str, Any], arguments: list[object], scene: Scene, scene_file: Path, cli: Cli, tmp_path: Path
 ) -> None:
     cli("insert", scene_file, *arguments, "-o", "cli.png", "--layers", "cli.exr")
-    composite = scene.insert(objects, **options)
+    composite = scene.insert(objects, passes=True, **options)
     composite.save(tmp_path / "python.png")
     composite.save_layers(tmp_path / "python.exr")
     for name in ("png", "exr"):
@@ -55,6 +55,10 @@ def test_composites_are_those_of_the_command_line(
     layers = composite.layers
     assert ("reflection" in layers) == ("floor_gloss" in options)
     assert all(layer.dtype == np.float32 and layer.shape[:2] == (360, 480) for layer in layers.values())
+    parts = ("diffuse", "specular", "transmission", "emission", "edge")
+    assert np.abs(sum(layers[part] for part in parts) - layers["object"]).max() < 1e-5
+    for mattes in (composite.object_mattes, composite.material_mattes):
+        assert np.abs(sum(mattes.values()) - layers["alpha"]).max() < 1e-5
     # The layers give the image, in linear light.
     srgb = scene.photo / 255
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

@@ -298,8 +298,8 @@ pub mod mesh {
 /// ```
 pub mod insert {
     pub use lo_insert::{
-        Align, Anchor, Base, Composite, Ground, InsertError, Inserter, Instance, Interpolation, Keyframe, Layout,
-        LayoutObject, Lighting, Path, PathSource, Placement, Quality, Unit, surface_at_pixel,
+        Align, Anchor, Base, Composite, Cryptomatte, Ground, InsertError, Inserter, Instance, Interpolation, Keyframe,
+        Layout, LayoutObject, Lighting, Passes, Path, PathSource, Placement, Quality, Unit, surface_at_pixel,
     };
 }
 

@@ -24,6 +24,7 @@ pub struct Insertion {
     quality: Quality,
     floor_gloss: Option<f32>,
     match_look: bool,
+    passes: bool,
 }
 
 /// Where the objects come from.
@@ -43,6 +44,7 @@ impl Insertion {
         quality: Quality,
         floor_gloss: Option<f64>,
         match_look: bool,
+        passes: bool,
     ) -> PyResult<Self> {
         if let Some(gloss) = floor_gloss.filter(|gloss| !(0.0..=1.0).contains(gloss)) {
             return Err(PyValueError::new_err(format!("floor_gloss must be from 0 to 1, not {gloss}")));
@@ -57,7 +59,8 @@ impl Insertion {
                 return Err(PyValueError::new_err("nothing to insert: the scene has no objects, give some"));
             }
         };
-        Ok(Self { document, source, quality, floor_gloss: floor_gloss.map(|gloss| gloss as f32), match_look })
+        let floor_gloss = floor_gloss.map(|gloss| gloss as f32);
+        Ok(Self { document, source, quality, floor_gloss, match_look, passes })
     }
 
     /// Prepares a single image.
@@ -114,6 +117,7 @@ impl Insertion {
         let floor_gloss = self.floor_gloss.unwrap_or(saved.unwrap_or_default().floor_gloss);
         let inserter = Inserter::new(&lit, Lighting::Octree, self.quality)?.with_floor_gloss(floor_gloss);
         let inserter = if self.match_look { inserter.with_photo_look() } else { inserter };
+        let inserter = if self.passes { inserter.with_passes() } else { inserter };
         Ok(Prepared { inserter, models, names, placements, frames })
     }
 }
@@ -138,9 +142,9 @@ impl Prepared {
     pub fn render(&self, frame: usize, reporter: &mut Reporter) -> Result<Composite, Failure> {
         reporter.name_objects(self.names.clone());
         let models = self.models.per_object();
-        let placed = models.iter().zip(&self.placements);
+        let placed = models.iter().zip(&self.placements).zip(&self.names);
         let instances: Vec<Instance<'_>> =
-            placed.map(|(model, placements)| Instance::new(model, placements[frame])).collect();
+            placed.map(|((model, placements), name)| Instance::new(model, placements[frame]).named(name)).collect();
         let rendered = self.inserter.render(&instances, &mut |event| reporter.handle(event));
         rendered.map(Composite::new).map_err(|error| with_object_name(error, &self.names))
     }

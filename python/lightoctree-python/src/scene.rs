@@ -173,8 +173,8 @@ impl Scene {
     /// objects
     ///     A dictionary or several, with the fields of docs/layout.md, such as
     ///     {"mesh": "chair.glb", "pixel": (960, 1100), "height_m": 0.9, "material": "gold"}; or a file of them.
-    ///     Built-in meshes are "builtin:sphere", "builtin:suzanne" and "builtin:tea-set". Default: the objects saved in
-    ///     the scene.
+    ///     Built-in meshes are "builtin:sphere", "builtin:suzanne", "builtin:tea-set", "builtin:glass-sphere",
+    ///     "builtin:wine-glass" and "builtin:bottle". Default: the objects saved in the scene.
     /// quality
     ///     "draft", "normal" or "high".
     /// light
@@ -183,10 +183,13 @@ impl Scene {
     ///     Gloss of the surface under an object, from 0 to 1. Default: 0, or that saved with the scene's own objects.
     /// match_look
     ///     Whether the objects get the photo's sharpness and grain; drafts never do.
+    /// passes
+    ///     Whether the composite has the passes of docs/layers.md beside its layers, as `--layers` writes them.
     /// on_event
     ///     As for `estimate`.
     #[pyo3(signature = (
-        objects = None, *, quality = "normal", light = None, floor_gloss = None, match_look = true, on_event = None
+        objects = None, *, quality = "normal", light = None, floor_gloss = None, match_look = true, passes = false,
+        on_event = None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn insert(
@@ -197,9 +200,10 @@ impl Scene {
         light: Option<&str>,
         floor_gloss: Option<f64>,
         match_look: bool,
+        passes: bool,
         on_event: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Composite> {
-        let insertion = self.insertion(py, objects, quality, light, floor_gloss, match_look)?;
+        let insertion = self.insertion(py, objects, quality, light, floor_gloss, match_look, passes)?;
         job::run(py, Handler::new(on_event), |reporter| insertion.image(reporter)?.render(0, reporter))
     }
 
@@ -209,7 +213,7 @@ impl Scene {
     /// objects. The other parameters are those of `insert`.
     #[pyo3(signature = (
         objects = None, frames = None, *, quality = "normal", light = None, floor_gloss = None, match_look = true,
-        on_event = None
+        passes = false, on_event = None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn sequence(
@@ -221,12 +225,13 @@ impl Scene {
         light: Option<&str>,
         floor_gloss: Option<f64>,
         match_look: bool,
+        passes: bool,
         on_event: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Sequence> {
         if let Some(frames) = frames.filter(|frames| !(1..=MAX_FRAMES).contains(frames)) {
             return Err(PyValueError::new_err(format!("frames must be from 1 to {MAX_FRAMES}, not {frames}")));
         }
-        let insertion = self.insertion(py, objects, quality, light, floor_gloss, match_look)?;
+        let insertion = self.insertion(py, objects, quality, light, floor_gloss, match_look, passes)?;
         let frames = frames.map(|frames| frames as usize);
         let prepared = job::run(py, Handler::new(on_event), move |reporter| insertion.sequence(frames, reporter))?;
         Ok(Sequence::new(prepared, on_event))
@@ -313,6 +318,7 @@ impl Scene {
 }
 
 impl Scene {
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn insertion(
         &self,
         py: Python<'_>,
@@ -321,11 +327,12 @@ impl Scene {
         light: Option<&str>,
         floor_gloss: Option<f64>,
         match_look: bool,
+        passes: bool,
     ) -> PyResult<Insertion> {
         let quality = choice::quality(quality)?;
         let mut document = self.document(py);
         choose_light(&mut document, light)?;
-        Insertion::new(py, document, objects, quality, floor_gloss, match_look)
+        Insertion::new(py, document, objects, quality, floor_gloss, match_look, passes)
     }
 
     /// Renders a panorama.

@@ -93,8 +93,10 @@ pub struct Args {
     #[arg(long, value_name = "S", value_parser = parse::positive, allow_hyphen_values = true, conflicts_with = "frames")]
     time_limit: Option<f64>,
 
-    /// Also write objects, alpha, shadow ratio and occlusion as layers of an EXR file; a sequence requires %04d in the
-    /// name
+    /// Also write the layers of the composite to an EXR file; a sequence requires %04d in the name
+    ///
+    /// They are the objects' light by kind (diffuse, specular, transmission, emission), alpha, shadow ratio, occlusion,
+    /// albedo, normal, position, depth, and cryptomattes of objects and materials; docs/layers.md describes them.
     #[arg(long, value_name = "FILE.exr")]
     layers: Option<PathBuf>,
 
@@ -157,6 +159,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         floor_gloss,
         with_detail,
         match_look: args.match_look,
+        with_passes: args.layers.is_some(),
         shadow_strength: args.shadow_strength as f32,
     };
     let fallback = match &frames[..] {
@@ -278,9 +281,9 @@ impl<'a> Objects<'a> {
     }
 
     /// Returns the objects of a frame.
-    fn instances(&self, frame: usize) -> Vec<Instance<'a>> {
-        let placed = self.models.iter().zip(&self.placements);
-        placed.map(|(model, placements)| Instance::new(model, placements[frame])).collect()
+    fn instances(&self, frame: usize) -> Vec<Instance<'_>> {
+        let placed = self.models.iter().zip(&self.placements).zip(&self.names);
+        placed.map(|((model, placements), name)| Instance::new(model, placements[frame]).named(name)).collect()
     }
 
     /// Returns the mean position in the first frame.
@@ -297,6 +300,7 @@ struct Light<'a> {
     floor_gloss: f32,
     with_detail: bool,
     match_look: bool,
+    with_passes: bool,
     shadow_strength: f32,
 }
 
@@ -309,6 +313,7 @@ impl Light<'_> {
             .with_floor_gloss(self.floor_gloss)
             .with_shadow_strength(self.shadow_strength);
         let inserter = if self.with_detail { inserter } else { inserter.without_detail() };
+        let inserter = if self.with_passes { inserter.with_passes() } else { inserter };
         Ok(if self.match_look { inserter.with_photo_look() } else { inserter })
     }
 
@@ -486,6 +491,7 @@ fn without_layers(composite: Composite) -> Composite {
         reflection: None,
         grain: None,
         occlusion: zero,
+        passes: None,
         image: composite.image,
     }
 }
@@ -580,7 +586,8 @@ fn unicode<'a>(path: &'a Path, option: &str) -> anyhow::Result<&'a str> {
 
 fn write_layers(path: &Path, composite: &Composite) -> anyhow::Result<()> {
     let size = (composite.alpha.width(), composite.alpha.height());
-    let options = ExrOptions { generator: output::signature(COMMAND), ..ExrOptions::default() };
+    let (generator, metadata) = (output::signature(COMMAND), composite.metadata());
+    let options = ExrOptions { generator, metadata, ..ExrOptions::default() };
     Ok(imaging::write_exr(path, size, &composite.channels(), &options)?)
 }
 

@@ -21,9 +21,10 @@ use crate::placement_check::{ObjectVisibility, PlacementCheck};
 use crate::quality::Counts;
 use crate::shade::composite::{Composite, Layers};
 use crate::shade::gloss::Gloss;
+use crate::shade::passes::PassImages;
 use crate::shade::redistortion::Redistortion;
-use crate::shade::shader::Shader;
-use crate::shade::visibility::{RayCaster, TILE, TileView, coverage_pattern, is_in_view, seen_window};
+use crate::shade::shader::{Shaded, Shader};
+use crate::shade::visibility::{Fragment, RayCaster, TILE, TileView, coverage_pattern, is_in_view, seen_window};
 use crate::shadow::backdrop::Backdrop;
 use crate::shadow::field::{Caster, ShadowField};
 use crate::shadow::ratio::ShadowRatio;
@@ -65,6 +66,8 @@ pub struct Inserter {
     shadow_strength: f32,
     /// The photo's sharpness and grain, if objects get them.
     look: Option<Look>,
+    /// Whether composites have passes.
+    passes: bool,
 }
 
 impl Inserter {
@@ -117,6 +120,7 @@ impl Inserter {
             floor_gloss: 0.0,
             shadow_strength: 1.0,
             look: None,
+            passes: false,
         })
     }
 
@@ -149,6 +153,12 @@ impl Inserter {
         let photo = self.distorted.as_ref().map_or(&self.frame.photo, |(distorted, _)| &distorted.photo);
         self.look = Some(Look::measure(&self.frame, photo));
         self
+    }
+
+    /// Gives composites their [`Passes`](crate::Passes), for compositing in other programs.
+    #[must_use]
+    pub fn with_passes(self) -> Self {
+        Self { passes: true, ..self }
     }
 
     /// Disables the photo's [`Detail`](lo_lookup::Detail): reflections of unobserved regions stay as smooth as the
@@ -224,7 +234,11 @@ impl Inserter {
         };
 
         let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
-        let seen = self.shade_objects(gatherer(Some(&shadow), Some(&radiosity)), &mut layers, on_event)?;
+        let names: Vec<String> = (instances.iter().enumerate())
+            .map(|(i, instance)| instance.name.map_or_else(|| format!("object {}", i + 1), str::to_owned))
+            .collect();
+        let (seen, passes) =
+            self.shade_objects(gatherer(Some(&shadow), Some(&radiosity)), &names, &mut layers, on_event)?;
         let check = PlacementCheck {
             occluders: &self.occluders,
             camera: &self.frame.camera,
@@ -245,7 +259,7 @@ impl Inserter {
         let gloss = gloss.filter(|_| objects.iter().any(|object| object.support.is_some()));
         Ok(stage(on_event, stages::COMPOSITE, || {
             let reflection = gloss.map(|gloss| gloss.reflection(|pixel| self.radiance(pixel)));
-            self.compose(layers, &shadow, reflection)
+            self.compose(layers, passes, &shadow, reflection)
         })?)
     }
 
@@ -254,13 +268,14 @@ impl Inserter {
         Vec3::from(self.frame.photo.linear_at(pixel)) * self.frame.exposure
     }
 
-    /// Shades the visible parts of the objects, and returns the visibility of each.
+    /// Shades the visible parts of the objects, and returns the visibility of each and the passes, if asked for.
     fn shade_objects(
         &self,
         gatherer: Gatherer,
+        names: &[String],
         layers: &mut Layers,
         on_event: OnEvent<'_>,
-    ) -> Result<Vec<ObjectVisibility>, Cancelled> {
+    ) -> Result<(Vec<ObjectVisibility>, Option<PassImages>), Cancelled> {
         let objects = gatherer.objects;
         let samples = coverage_pattern(self.counts.coverage);
         let samples_of_glass = coverage_pattern(self.counts.glass_rays);
@@ -275,7 +290,7 @@ impl Inserter {
         let windows: Vec<Option<_>> = objects.iter().map(|object| seen_window(&camera, object)).collect();
         let mut seen = vec![ObjectVisibility::default(); objects.len()];
         if windows.iter().all(Option::is_none) {
-            return Ok(seen);
+            return Ok((seen, None));
         }
         let starts = |from: usize, to: usize| (from / TILE * TILE..to).step_by(TILE);
         let of_window = |&(left, top, right, bottom): &(usize, usize, usize, usize)| {
@@ -309,17 +324,31 @@ impl Inserter {
             }
             (view, occluder_colours)
         })?;
-        let radiance = stage_of_steps(on_event, stages::SHADING, |on_event| shader.shade(&view.fragments, on_event))?;
-        match &self.look {
-            Some(look) => {
-                let blurs_px: Vec<f32> = objects.iter().map(|object| self.blur_px(look, object)).collect();
-                layers.add_softened(&view, &radiance, &blurs_px);
-            }
-            None => layers.add(&view, &radiance),
-        }
+        let shaded = stage_of_steps(on_event, stages::SHADING, |on_event| shader.shade(&view.fragments, on_event))?;
+        let blurs_px: Option<Vec<f32>> =
+            self.look.as_ref().map(|look| objects.iter().map(|object| self.blur_px(look, object)).collect());
+        let add_to = |layers: &mut Layers, values: &[Vec3]| match &blurs_px {
+            Some(blurs_px) => layers.add_softened(&view, values, blurs_px),
+            None => layers.add(&view, values),
+        };
+        let radiance: Vec<Vec3> = shaded.iter().map(Shaded::total).collect();
+        add_to(layers, &radiance);
+        let mut passes = self.passes.then(|| {
+            let add = |values: &[Vec3]| {
+                let mut layers = Layers::new(width, height);
+                add_to(&mut layers, values);
+                layers
+            };
+            let material = |fragment: &Fragment| objects[fragment.object].material_name(fragment.material).to_owned();
+            PassImages::new(&view, &shaded, [width, height], names, material, &add)
+        });
         for (pixel, (sum, count)) in occluder_colours {
             let linear = |colour: Vec3| Vec3::from(colour.to_array().map(lo_imaging::linear_from_srgb));
-            layers.clear_edge(pixel, (linear(sum / count) - linear(self.colour(pixel))) * self.frame.exposure);
+            let change = (linear(sum / count) - linear(self.colour(pixel))) * self.frame.exposure;
+            let added = layers.clear_edge(pixel, change);
+            if let Some(passes) = &mut passes {
+                passes.add_edge(pixel, added);
+            }
         }
         view.fragments.iter().for_each(|fragment| seen[fragment.object].shows |= fragment.weight > 0.0);
         view.hidden.iter().for_each(|hidden| seen[hidden.object].hides |= hidden.share > 0.0);
@@ -327,7 +356,7 @@ impl Inserter {
             // An object completely behind another has no visible part.
             seen.hides |= !seen.shows && window.is_some_and(|window| is_in_view(&camera, object, window));
         }
-        Ok(seen)
+        Ok((seen, passes))
     }
 
     /// Returns the colour of a photo pixel in sRGB's range, which is perceptually uniform.
@@ -356,7 +385,13 @@ impl Inserter {
         self.counts.shade_stride[usize::from(large)]
     }
 
-    fn compose(&self, mut layers: Layers, shadow: &ShadowRatio, mut reflection: Option<Image<Vec3>>) -> Composite {
+    fn compose(
+        &self,
+        mut layers: Layers,
+        mut passes: Option<PassImages>,
+        shadow: &ShadowRatio,
+        mut reflection: Option<Image<Vec3>>,
+    ) -> Composite {
         let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
         // Pixels outside the objects' reach are not looked up.
         let (left, top, right, bottom) = shadow.reach(width, height);
@@ -377,6 +412,9 @@ impl Inserter {
             for at in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
                 if bars.contains(at, [width, height]) {
                     layers.clear(at);
+                    if let Some(passes) = &mut passes {
+                        passes.clear(at);
+                    }
                     ratio[at.1 * width + at.0] = [1.0; 3];
                     if let Some(reflection) = &mut reflection {
                         reflection[at] = Vec3::ZERO;
@@ -394,6 +432,8 @@ impl Inserter {
         }
         let reflection = reflection.map(|image| image.map(|radiance| radiance.to_array()));
         let grain = self.look.as_ref().and_then(|look| look.grain.as_ref());
-        Composite::new(photo, exposure, layers, ratio, reflection, grain)
+        let back = self.distorted.as_ref().map(|(_, back)| &**back);
+        let passes = passes.map(|passes| Box::new(passes.finish(back)));
+        Composite { passes, ..Composite::new(photo, exposure, layers, ratio, reflection, grain) }
     }
 }

@@ -47,5 +47,7 @@ pub use objects::placement::{Align, Placement};
 pub use objects::unit::Unit;
 pub use quality::Quality;
 pub use shade::composite::Composite;
+pub use shade::cryptomatte::Cryptomatte;
+pub use shade::passes::Passes;
 pub use surface::observed_surfaces::{ObservedSurfaces, surface_at_pixel};
 pub use warning::InsertWarning;

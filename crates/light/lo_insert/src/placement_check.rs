@@ -83,7 +83,7 @@ impl PlacementCheck<'_> {
 
     /// Returns the warning about an upright object whose base is clearly above or below the observed surface.
     fn gap_warning(&self, index: usize, instance: &Instance, objects: &Objects) -> Option<InsertWarning> {
-        let &Instance { model, placement } = instance;
+        let &Instance { model, placement, .. } = instance;
         if placement.up.dot(self.up) < UPRIGHT {
             return None;
         }
@@ -122,7 +122,7 @@ impl PlacementCheck<'_> {
     /// Returns the share of a resting object's base that real surfaces or other objects support; `None` unless half
     /// of the base can be judged.
     fn supported_share(&self, index: usize, instance: &Instance, objects: &Objects) -> Option<f32> {
-        let &Instance { model, placement } = instance;
+        let &Instance { model, placement, .. } = instance;
         placement.support?;
         let on_other = |point: Vec3| {
             let down = Ray { origin: point + placement.up * CARRIES_M, direction: -placement.up };

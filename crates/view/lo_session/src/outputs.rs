@@ -29,7 +29,8 @@ pub fn image(composite: &Composite) -> Result<Vec<u8>, SessionError> {
 /// Never for a composite of a session.
 pub fn layers(composite: &Composite) -> Result<Vec<u8>, SessionError> {
     let size = (composite.alpha.width(), composite.alpha.height());
-    let options = ExrOptions { generator: "lightoctree insert".to_owned(), ..ExrOptions::default() };
+    let (generator, metadata) = ("lightoctree insert".to_owned(), composite.metadata());
+    let options = ExrOptions { generator, metadata, ..ExrOptions::default() };
     Ok(imaging::encode_exr("layers.exr", size, &composite.channels(), &options)?)
 }
 

@@ -97,8 +97,11 @@ impl Renderer {
             .iter()
             .map(|object| object.mesh.prepared(object.material.as_ref()))
             .collect::<Result<_, SessionError>>()?;
-        let instances: Vec<Instance> =
-            models.iter().zip(&state.objects).map(|(model, object)| Instance::new(model, object.placement)).collect();
+        let layout = state.layout()?;
+        let objects = models.iter().zip(&state.objects).zip(layout.objects());
+        let instances: Vec<Instance> = objects
+            .map(|((model, object), entry)| Instance::new(model, object.placement).named(entry.name()))
+            .collect();
         let Some(cached) = self.inserters.get(&step) else { return Err(SessionError::NoObjects) };
         Ok(cached.inserter.render(&instances, on_event)?)
     }
@@ -146,6 +149,7 @@ impl Renderer {
                 let new = if is_unprepared { Inserter::unprepared } else { Inserter::new };
                 let inserter = new(&at_side(&lit, side), Lighting::Octree, step.quality())?;
                 let inserter = inserter.with_floor_gloss(floor_gloss).with_photo_look();
+                let inserter = if step == RenderStep::Final { inserter.with_passes() } else { inserter };
                 let cached = CachedInserter { lit, floor_gloss, side, inserter, is_unprepared };
                 self.inserters.insert(step, cached);
                 return Ok(());

@@ -9,11 +9,19 @@ pub struct Instance<'a> {
     pub model: &'a PreparedModel,
     /// Its placement.
     pub placement: Placement,
+    /// Its name in mattes; `object 1` and so on without one.
+    pub name: Option<&'a str>,
 }
 
 impl<'a> Instance<'a> {
     /// Combines a model and its placement.
     pub fn new(model: &'a PreparedModel, placement: Placement) -> Self {
-        Self { model, placement }
+        Self { model, placement, name: None }
+    }
+
+    /// Sets the name.
+    #[must_use]
+    pub fn named(self, name: &'a str) -> Self {
+        Self { name: Some(name), ..self }
     }
 }

@@ -43,7 +43,7 @@ pub(crate) struct Object<'a> {
 impl<'a> Object<'a> {
     /// # Errors
     /// If the model has no extent, or a number of the placement is invalid.
-    pub fn new(&Instance { model: prepared, placement }: &Instance<'a>) -> Result<Self, InsertError> {
+    pub fn new(&Instance { model: prepared, placement, .. }: &Instance<'a>) -> Result<Self, InsertError> {
         placement.check()?;
         let bounds = prepared.bounds();
         let (size, centre) = (bounds.size(), bounds.center());
@@ -203,6 +203,16 @@ impl<'a> Object<'a> {
         let rest = Ray { origin: ray.at(start_m), direction: ray.direction };
         let hit = intersect(&self.placed, &rest, max_m - start_m)?;
         Some(Hit { distance_m: hit.distance_m + start_m, ..hit })
+    }
+
+    /// Returns the index of a triangle's material.
+    pub fn material_of(&self, triangle: u32) -> u32 {
+        self.placed.prepared.model().triangle_materials[triangle as usize]
+    }
+
+    /// Returns the name of a material.
+    pub fn material_name(&self, material: u32) -> &str {
+        &self.placed.prepared.model().materials[material as usize].name
     }
 
     /// Returns the unit normal of a triangle's front, world frame.

@@ -7,6 +7,7 @@ use lo_imaging::{
 use rayon::prelude::*;
 
 use crate::look::{Cover, Grain, softened};
+use crate::shade::passes::Passes;
 use crate::shade::redistortion::Redistortion;
 use crate::shade::visibility::{Hidden, TileView};
 
@@ -32,11 +33,13 @@ pub struct Composite {
     pub grain: Option<RadianceImage>,
     /// Share of each pixel in which real surfaces hide an object, in [0, 1].
     pub occlusion: Image<f32>,
+    /// Passes for compositing, if asked for.
+    pub passes: Option<Box<Passes>>,
 }
 
 /// Layers of the objects during rendering.
 pub(crate) struct Layers {
-    object: Image<Vec3>,
+    pub object: Image<Vec3>,
     alpha: Image<f32>,
     occlusion: Image<f32>,
 }
@@ -108,11 +111,11 @@ impl Layers {
     }
 
     /// Removes the old background from the occluder's colour at a pixel of a soft edge: `change` is the occluder's
-    /// radiance minus the photo's.
-    pub fn clear_edge(&mut self, pixel: (usize, usize), change: Vec3) {
-        if self.alpha[pixel] > 0.0 {
-            self.object[pixel] += change * self.occlusion[pixel];
-        }
+    /// radiance minus the photo's. Returns what is added to the objects.
+    pub fn clear_edge(&mut self, pixel: (usize, usize), change: Vec3) -> Vec3 {
+        let added = if self.alpha[pixel] > 0.0 { change * self.occlusion[pixel] } else { Vec3::ZERO };
+        self.object[pixel] += added;
+        added
     }
 }
 
@@ -186,7 +189,7 @@ impl SrgbTable {
 
 impl Composite {
     /// Returns the layers of an OpenEXR file: `object` (premultiplied, with alpha), `shadow_ratio`, `occlusion`, and
-    /// `reflection` and `grain` if present.
+    /// `reflection`, `grain` and those of [`Passes`] if present.
     pub fn channels(&self) -> Vec<ChannelGroup> {
         let groups = [
             ChannelGroup::rgb("object", &self.object),
@@ -196,7 +199,13 @@ impl Composite {
         ];
         let reflection = self.reflection.as_ref().map(|reflection| ChannelGroup::rgb("reflection", reflection));
         let grain = self.grain.as_ref().map(|grain| ChannelGroup::rgb("grain", grain));
-        groups.into_iter().chain(reflection).chain(grain).collect()
+        let passes = self.passes.iter().flat_map(|passes| passes.channels());
+        groups.into_iter().chain(reflection).chain(grain).chain(passes).collect()
+    }
+
+    /// Returns the text attributes of an OpenEXR file with these layers: names and values.
+    pub fn metadata(&self) -> Vec<(String, String)> {
+        self.passes.iter().flat_map(|passes| passes.metadata()).collect()
     }
 
     pub(crate) fn new(
@@ -246,7 +255,16 @@ impl Composite {
             }),
         }
         let object = layers.object.map(|radiance| radiance.to_array());
-        Self { image, object, alpha: layers.alpha, shadow_ratio, reflection, grain, occlusion: layers.occlusion }
+        Self {
+            image,
+            object,
+            alpha: layers.alpha,
+            shadow_ratio,
+            reflection,
+            grain,
+            occlusion: layers.occlusion,
+            passes: None,
+        }
     }
 }
 

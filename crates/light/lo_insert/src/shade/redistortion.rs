@@ -37,6 +37,19 @@ impl Redistortion {
         Image::new(self.width, self.height, (0..self.width * self.height).into_par_iter().map(pixel).collect())
     }
 
+    /// [`Redistortion::layer`] without interpolation: of the pixel that contains each place.
+    pub fn nearest<T: Layer>(&self, layer: &Image<T>, neutral: T) -> Image<T> {
+        let pixel = |index: usize| {
+            let at = [index % self.width, index / self.width].map(|at| at as f64 + 0.5);
+            let place = self.place(at).map(|[u, v]| [u.floor(), v.floor()]);
+            let inside = |&[x, y]: &[f64; 2]| {
+                (0.0..layer.width() as f64).contains(&x) && (0.0..layer.height() as f64).contains(&y)
+            };
+            place.filter(inside).map_or(neutral, |[x, y]| layer[(x as usize, y as usize)])
+        };
+        Image::new(self.width, self.height, (0..self.width * self.height).into_par_iter().map(pixel).collect())
+    }
+
     /// Returns the place in the undistorted photo of a place in the distorted one, in pixels.
     fn place(&self, at: [f64; 2]) -> Option<[f64; 2]> {
         let step = self.step as f64;

@@ -57,6 +57,25 @@ type ConeOwner = (usize, f32);
 /// Gathers light along cones: [`Environment::gather_reflected`] or [`Environment::gather_behind`].
 type Gather = fn(&Environment, &[Vec3], &mut [Cone], &mut Vec<ConeSample>);
 
+/// Radiance of a fragment towards the camera, by kind of light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shaded {
+    /// Reflected diffusely.
+    pub diffuse: Vec3,
+    /// Reflected by the specular layer and the clear coat.
+    pub specular: Vec3,
+    /// Passed through glass.
+    pub transmission: Vec3,
+    /// Emitted.
+    pub emission: Vec3,
+}
+
+impl Shaded {
+    pub fn total(&self) -> Vec3 {
+        self.diffuse + self.specular + self.transmission + self.emission
+    }
+}
+
 /// Light through a fragment of glass.
 #[derive(Clone, Copy)]
 struct Transmitted {
@@ -107,7 +126,7 @@ impl Shader<'_> {
     ///
     /// # Errors
     /// [`Cancelled`].
-    pub fn shade(&self, fragments: &[Fragment], on_event: OnEvent<'_>) -> Result<Vec<Vec3>, Cancelled> {
+    pub fn shade(&self, fragments: &[Fragment], on_event: OnEvent<'_>) -> Result<Vec<Shaded>, Cancelled> {
         let materials: Vec<FragmentMaterial> = fragments
             .par_iter()
             .map(|f| {
@@ -156,7 +175,8 @@ impl Shader<'_> {
             .map(|i| {
                 let point = &fragments[i].point;
                 if point.unlit {
-                    return Vec3::from(point.base_color);
+                    let emission = Vec3::from(point.base_color);
+                    return Shaded { diffuse: Vec3::ZERO, specular: Vec3::ZERO, transmission: Vec3::ZERO, emission };
                 }
                 let light = blocks.light_of(i, fragments, &materials, &gathered, &reflected);
                 let (bsdf, n_dot_v) = (&materials[i].bsdf, n_dot_v(&fragments[i]));
@@ -168,13 +188,18 @@ impl Shader<'_> {
                 });
                 let albedo = glass.albedo;
                 let reflected = light.reflected * albedo + light.highlights * sampled_share(point.roughness);
-                let passed = glass.light * transmission(point);
-                let radiance = diffuse * diffuse_share(point) + reflected + passed + Vec3::from(point.emissive);
                 let coat = coat_of(point);
                 let coat_albedo = specular_albedo(coat.f0, coat.roughness, n_dot_v) * point.clearcoat;
-                let radiance = radiance * (Vec3::ONE - coat_albedo) + coat_reflected[i] * coat_albedo;
                 // Coverage multiplies it later, but the light of a pane is not dimmed by what passes through.
-                if sight(point) == Sight::Pane { radiance / blocked_share(point, fragments[i].view) } else { radiance }
+                let pane = sight(point) == Sight::Pane;
+                let brighter = if pane { 1.0 / blocked_share(point, fragments[i].view) } else { 1.0 };
+                let under_coat = (Vec3::ONE - coat_albedo) * brighter;
+                Shaded {
+                    diffuse: diffuse * diffuse_share(point) * under_coat,
+                    specular: reflected * under_coat + coat_reflected[i] * coat_albedo * brighter,
+                    transmission: glass.light * transmission(point) * under_coat,
+                    emission: Vec3::from(point.emissive) * under_coat,
+                }
             })
             .collect();
         Ok(shaded)

@@ -30,6 +30,8 @@ pub(crate) struct Fragment {
     /// Unit vector towards the camera.
     pub view: Vec3,
     pub point: SurfacePoint,
+    /// Index of its material in the model.
+    pub material: u32,
     depth_m: f32,
     normal: Vec3,
 }
@@ -254,8 +256,12 @@ impl RayCaster<'_> {
         let normal = placed.triangle_normal(hit.triangle);
         let depth_m = -ray.at(hit.distance_m).z;
         let own = &mut view.fragments[first..];
+        let material = placed.material_of(hit.triangle);
         let same = |f: &Fragment| {
-            f.object == object && (f.depth_m - depth_m).abs() < 0.02 * depth_m && f.normal.dot(normal) > 0.8
+            f.object == object
+                && f.material == material
+                && (f.depth_m - depth_m).abs() < 0.02 * depth_m
+                && f.normal.dot(normal) > 0.8
         };
         let mut found = own.iter().position(same);
         if found.is_none() && own.len() >= MAX_FRAGMENTS {
@@ -272,7 +278,10 @@ impl RayCaster<'_> {
         match found {
             Some(index) => own[index].weight += weight,
             None => {
-                view.fragments.push(Fragment { object, pixel, weight, view: -ray.direction, point, depth_m, normal })
+                let view_direction = -ray.direction;
+                let fragment =
+                    Fragment { object, pixel, weight, view: view_direction, point, material, depth_m, normal };
+                view.fragments.push(fragment);
             }
         }
         weight

@@ -9,6 +9,7 @@ mod glass;
 mod insertion;
 mod look;
 mod mirror;
+mod passes;
 mod placing;
 mod several;
 mod truth;

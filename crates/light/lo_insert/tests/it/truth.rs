@@ -270,7 +270,7 @@ fn reference_solutions_agree() {
 /// Merges the meshes of instances into one, at the returned placement.
 fn merged(instances: &[Instance], finish: Finish) -> (PreparedModel, Placement) {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for Instance { model, placement } in instances {
+    for Instance { model, placement, .. } in instances {
         let (bounds, first) = (model.bounds(), positions.len() as u32);
         let base = Vec3::new(bounds.center().x, bounds.min.y, bounds.center().z);
         positions.extend(model.model().positions.iter().map(|p| *p - base + placement.position_m));
