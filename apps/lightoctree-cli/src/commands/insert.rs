@@ -96,7 +96,7 @@ pub struct Args {
     /// Also write the layers of the composite to an EXR file; a sequence requires %04d in the name
     ///
     /// They are the objects' light by kind (diffuse, specular, transmission, emission), alpha, shadow ratio, occlusion,
-    /// albedo, normal, position, depth, and cryptomattes of objects and materials; docs/layers.md describes them.
+    /// albedo, normal, position, depth, motion, and cryptomattes of objects and materials (docs/layers.md).
     #[arg(long, value_name = "FILE.exr")]
     layers: Option<PathBuf>,
 
@@ -283,7 +283,15 @@ impl<'a> Objects<'a> {
     /// Returns the objects of a frame.
     fn instances(&self, frame: usize) -> Vec<Instance<'_>> {
         let placed = self.models.iter().zip(&self.placements).zip(&self.names);
-        placed.map(|((model, placements), name)| Instance::new(model, placements[frame]).named(name)).collect()
+        let instance = |((model, placements), name): ((&&'a PreparedModel, &Vec<Placement>), _)| {
+            let instance = Instance::new(model, placements[frame]).named(name);
+            if placements.len() == 1 {
+                return instance;
+            }
+            let last = placements.len() - 1;
+            instance.moving(placements[frame.saturating_sub(1)], placements[(frame + 1).min(last)])
+        };
+        placed.map(instance).collect()
     }
 
     /// Returns the mean position in the first frame.

@@ -337,10 +337,19 @@ impl Inserter {
             let add = |values: &[Vec3]| {
                 let mut layers = Layers::new(width, height);
                 add_to(&mut layers, values);
-                layers
+                layers.object
             };
             let material = |fragment: &Fragment| objects[fragment.object].material_name(fragment.material).to_owned();
-            PassImages::new(&view, &shaded, [width, height], names, material, &add)
+            let motion = |fragment: &Fragment| {
+                let at = |point: Vec3| {
+                    camera.project(point).map_or(Vec3::ZERO, |(u, v, _)| Vec3::new(u as f32, -v as f32, 0.0))
+                };
+                let point = fragment.point.position;
+                let moved = objects[fragment.object].moved(point);
+                moved.map_or([Vec3::ZERO; 2], |[previous, next]| [at(next) - at(point), at(point) - at(previous)])
+            };
+            let motion = objects.iter().any(Object::moves).then_some(&motion as &dyn Fn(&Fragment) -> [Vec3; 2]);
+            PassImages::new(&view, &shaded, [width, height], names, material, motion, &add)
         });
         for (pixel, (sum, count)) in occluder_colours {
             let linear = |colour: Vec3| Vec3::from(colour.to_array().map(lo_imaging::linear_from_srgb));

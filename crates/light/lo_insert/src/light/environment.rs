@@ -229,8 +229,8 @@ impl Environment {
         self.gather_added(cones, samples);
     }
 
-    /// [`Environment::gather_reflected`] for cones that pass glass: under a map at infinity too, the photo is used where
-    /// it observes what they meet.
+    /// [`Environment::gather_reflected`] for cones that pass glass: under a map at infinity too, the photo is used
+    /// where it observes what they meet.
     pub fn gather_behind(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
         let EnvironmentSource::Map { behind: Some(behind), .. } = &self.source else {
             self.gather_reflected(apexes, cones, samples);

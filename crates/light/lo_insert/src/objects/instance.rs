@@ -11,17 +11,25 @@ pub struct Instance<'a> {
     pub placement: Placement,
     /// Its name in mattes; `object 1` and so on without one.
     pub name: Option<&'a str>,
+    /// Its placement in the previous and in the next image of a sequence, for motion vectors.
+    pub moves: Option<[Placement; 2]>,
 }
 
 impl<'a> Instance<'a> {
     /// Combines a model and its placement.
     pub fn new(model: &'a PreparedModel, placement: Placement) -> Self {
-        Self { model, placement, name: None }
+        Self { model, placement, name: None, moves: None }
     }
 
     /// Sets the name.
     #[must_use]
     pub fn named(self, name: &'a str) -> Self {
         Self { name: Some(name), ..self }
+    }
+
+    /// Sets the placements in the previous and in the next image of a sequence.
+    #[must_use]
+    pub fn moving(self, previous: Placement, next: Placement) -> Self {
+        Self { moves: Some([previous, next]), ..self }
     }
 }

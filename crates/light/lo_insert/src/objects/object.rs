@@ -32,6 +32,8 @@ pub(crate) struct Object<'a> {
     pub high_m: Vec3,
     /// The surface that the object stands on.
     pub support: Option<Plane>,
+    /// Placement in the previous and in the next image.
+    moves: Option<[lo_mesh::Placement; 2]>,
     /// Whether part of it is transparent.
     pub is_see_through: bool,
     /// Whether part of it transmits light.
@@ -43,7 +45,7 @@ pub(crate) struct Object<'a> {
 impl<'a> Object<'a> {
     /// # Errors
     /// If the model has no extent, or a number of the placement is invalid.
-    pub fn new(&Instance { model: prepared, placement, .. }: &Instance<'a>) -> Result<Self, InsertError> {
+    pub fn new(&Instance { model: prepared, placement, moves, .. }: &Instance<'a>) -> Result<Self, InsertError> {
         placement.check()?;
         let bounds = prepared.bounds();
         let (size, centre) = (bounds.size(), bounds.center());
@@ -62,6 +64,7 @@ impl<'a> Object<'a> {
             low_m: bounds.min * scale,
             high_m: bounds.max * scale,
             support: placement.support,
+            moves: moves.map(|moves| moves.map(|placement| placement.of_model(bounds))),
             is_see_through: is_glass || materials.iter().any(|material| material.alpha_mode == AlphaMode::Blend),
             is_glass,
             is_all_glass: materials.iter().enumerate().all(|(index, material)| {
@@ -203,6 +206,17 @@ impl<'a> Object<'a> {
         let rest = Ray { origin: ray.at(start_m), direction: ray.direction };
         let hit = intersect(&self.placed, &rest, max_m - start_m)?;
         Some(Hit { distance_m: hit.distance_m + start_m, ..hit })
+    }
+
+    /// Whether it is known where the object is in other images.
+    pub fn moves(&self) -> bool {
+        self.moves.is_some()
+    }
+
+    /// Returns where a world point of the object is in the previous and in the next image, if it moves.
+    pub fn moved(&self, point: Vec3) -> Option<[Vec3; 2]> {
+        let local = self.placed.placement.model_from_world(point);
+        self.moves.map(|moves| moves.map(|placement| placement.world_from_model(local)))
     }
 
     /// Returns the index of a triangle's material.

@@ -34,7 +34,7 @@ impl Cryptomatte {
         (0..RANKS / 2)
             .map(|layer| ChannelGroup {
                 name: format!("{}{layer:02}", self.layer),
-                channels: ["R", "G", "B", "A"].into_iter().map(str::to_owned).zip(planes.by_ref().take(4)).collect(),
+                channels: ["R", "G", "B", "A"].map(str::to_owned).into_iter().zip(planes.by_ref().take(4)).collect(),
             })
             .collect()
     }

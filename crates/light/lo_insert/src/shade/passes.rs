@@ -3,7 +3,6 @@
 use lo_geometry::Vec3;
 use lo_imaging::{ChannelGroup, Image, RadianceImage};
 
-use crate::shade::composite::Layers;
 use crate::shade::cryptomatte::Cryptomatte;
 use crate::shade::redistortion::Redistortion;
 use crate::shade::shader::Shaded;
@@ -33,6 +32,8 @@ pub struct Passes {
     pub position_m: RadianceImage,
     /// Its depth in metres, along −Z; 0 without an object.
     pub depth_m: Image<f32>,
+    /// Its motion to the next and from the previous image of a sequence, in pixels: right and up, right and up.
+    pub motion_px: Option<Image<[f32; 4]>>,
     /// The objects.
     pub objects: Cryptomatte,
     /// Their materials; those of one name are one.
@@ -47,22 +48,26 @@ pub(crate) struct PassImages {
     normal: Image<Vec3>,
     position_m: Image<Vec3>,
     depth_m: Image<f32>,
+    /// To the next image, and from the previous one; z is unused.
+    motion_px: Option<[Image<Vec3>; 2]>,
     objects: Cryptomatte,
     materials: Cryptomatte,
 }
 
-/// Adds the values of fragments to empty layers, as their light is.
-pub(crate) type AddValues<'a> = dyn Fn(&[Vec3]) -> Layers + 'a;
+/// Gives the pixels the values of fragments, as their light is.
+pub(crate) type AddValues<'a> = dyn Fn(&[Vec3]) -> Image<Vec3> + 'a;
 
 impl PassImages {
     /// Computes the passes of shaded fragments. `names` are those of the objects, and `material_of` gives the
-    /// material's name of a fragment.
+    /// material's name of a fragment,
+    /// `motion_of` its motion to the next image and from the previous one.
     pub fn new(
         view: &TileView,
         shaded: &[Shaded],
         size: [usize; 2],
         names: &[String],
         material_of: impl Fn(&Fragment) -> String,
+        motion_of: Option<&dyn Fn(&Fragment) -> [Vec3; 2]>,
         add: &AddValues<'_>,
     ) -> Self {
         let light = [
@@ -71,7 +76,7 @@ impl PassImages {
             |shaded: &Shaded| shaded.transmission,
             |shaded: &Shaded| shaded.emission,
         ];
-        let light = light.map(|part| add(&shaded.iter().map(part).collect::<Vec<_>>()).object);
+        let light = light.map(|part| add(&shaded.iter().map(part).collect::<Vec<_>>()));
         let albedo: Vec<Vec3> = view.fragments.iter().map(|f| Vec3::from(f.point.base_color)).collect();
         let [width, height] = size;
         let mut largest: Image<Option<usize>> = Image::new(width, height, vec![None; width * height]);
@@ -89,10 +94,15 @@ impl PassImages {
         Self {
             light,
             edge: Image::new(width, height, vec![Vec3::ZERO; width * height]),
-            albedo: add(&albedo).object,
+            albedo: add(&albedo),
             normal: of_largest(|fragment| fragment.point.shading_normal),
             position_m: of_largest(|fragment| fragment.point.position),
             depth_m: largest.map(|best| best.map_or(0.0, |best| -view.fragments[best].point.position.z)),
+            motion_px: motion_of.map(|motion_of| {
+                [0, 1].map(|end| {
+                    largest.map(|best| best.map_or(Vec3::ZERO, |best| motion_of(&view.fragments[best])[end]))
+                })
+            }),
             objects: Cryptomatte { layer: "CryptoObject", coverage: coverage(&owners, add) },
             materials: Cryptomatte { layer: "CryptoMaterial", coverage: coverage(&materials, add) },
         }
@@ -108,6 +118,7 @@ impl PassImages {
         let radiance = [&mut self.edge, &mut self.albedo, &mut self.normal, &mut self.position_m];
         self.light.iter_mut().chain(radiance).for_each(|image| image[pixel] = Vec3::ZERO);
         self.depth_m[pixel] = 0.0;
+        self.motion_px.iter_mut().flatten().for_each(|image| image[pixel] = Vec3::ZERO);
         let mattes = self.objects.coverage.iter_mut().chain(&mut self.materials.coverage);
         mattes.for_each(|(_, image)| image[pixel] = 0.0);
     }
@@ -138,6 +149,12 @@ impl PassImages {
             albedo: linear(self.albedo),
             normal: nearest(self.normal),
             position_m: nearest(self.position_m),
+            motion_px: self.motion_px.map(|ends| {
+                let [next, previous] = ends.map(nearest);
+                let both = |(a, b): (&[f32; 3], &[f32; 3])| [a[0], a[1], b[0], b[1]];
+                let pixels = next.pixels().iter().zip(previous.pixels()).map(both).collect();
+                Image::new(next.width(), next.height(), pixels)
+            }),
             depth_m: back.map_or_else(|| self.depth_m.clone(), |back| back.nearest(&self.depth_m, 0.0)),
             objects: matte(self.objects),
             materials: matte(self.materials),
@@ -155,7 +172,7 @@ fn coverage(names: &[String], add: &AddValues<'_>) -> Vec<(String, Image<f32>)> 
     for group in different.chunks(3) {
         let axis = |name: &String| group.iter().position(|other| *other == name);
         let unit = |name: &String| axis(name).map_or(Vec3::ZERO, |axis| Vec3::AXES[axis]);
-        let image = add(&names.iter().map(unit).collect::<Vec<_>>()).object;
+        let image = add(&names.iter().map(unit).collect::<Vec<_>>());
         found.extend(group.iter().enumerate().map(|(i, &name)| (name.clone(), image.map(|shares| shares[i]))));
     }
     found
@@ -181,6 +198,14 @@ impl Passes {
             xyz("position", &self.position_m),
             ChannelGroup::single("depth", "Z", &self.depth_m),
         ];
+        if let Some(motion_px) = &self.motion_px {
+            let mut planes = ChannelGroup::rgba("", motion_px).channels.into_iter();
+            for name in ["forward", "backward"] {
+                let uv = ["u", "v"].into_iter().map(str::to_owned);
+                let channels = uv.zip(planes.by_ref().take(2)).map(|(axis, (_, plane))| (axis, plane)).collect();
+                groups.push(ChannelGroup { name: name.to_owned(), channels });
+            }
+        }
         groups.extend(self.objects.channels(size));
         groups.extend(self.materials.channels(size));
         groups

@@ -387,8 +387,8 @@ impl Shader<'_> {
         }
     }
 
-    /// Returns the sum of what arrives along the rays of each of `count` owners. `gather` is how the environment's light
-    /// is gathered together with its lights.
+    /// Returns the sum of what arrives along the rays of each of `count` owners. `gather` is how the environment's
+    /// light is gathered together with its lights.
     fn arriving(&self, requests: &[Request], count: usize, gather: Gather) -> Vec<Vec3> {
         let gatherer = &self.gatherer;
         let mut radiance = vec![Vec3::ZERO; count];

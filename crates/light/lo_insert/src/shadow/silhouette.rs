@@ -30,12 +30,12 @@ struct ShadowMap {
     distance_m: f32,
     half_width_m: f32,
     side: usize,
-    /// What each texel's ray meets.
+    /// Surfaces that each texel's ray meets.
     texels: Vec<Texel>,
     bias_m: f32,
 }
 
-/// What a light's ray meets.
+/// Surfaces that a light's ray meets.
 #[derive(Clone, Copy)]
 struct Texel {
     /// Distance of the nearest surface that blocks it; infinite outside of the object.

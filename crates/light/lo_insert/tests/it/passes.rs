@@ -99,3 +99,38 @@ fn layers_have_the_names_that_programs_expect() {
     assert_eq!(metadata.len(), 8);
     assert!(metadata.iter().any(|(key, value)| key.starts_with("cryptomatte/") && value == "CryptoMaterial"));
 }
+
+#[test]
+fn motion_is_that_of_the_surface() {
+    let inserter = Inserter::new(&linear_scene(), Lighting::Octree, Quality::Draft).unwrap().with_passes();
+    let ball = PreparedModel::new(Model::sphere(1.0, 4, named("ball")).unwrap());
+    let at = |x: f32, y: f32, z: f32| in_air(Vec3::new(x, y, z), 0.2);
+    let still = Instance::new(&ball, at(-0.5, 0.0, -2.0));
+    // To the left before, up afterwards.
+    let moving =
+        Instance::new(&ball, at(0.3, 0.0, -2.0)).moving(at(0.4, 0.0, -2.0), at(0.3, 0.1, -2.0)).named("moving");
+    let composite = together(&inserter, &[still, moving]);
+    let passes = passes(&composite);
+    let motion = passes.motion_px.as_ref().unwrap();
+    let fx = focal_px();
+    let (mut seen, moving) = (0, &passes.objects.coverage.iter().find(|(name, _)| name == "moving").unwrap().1);
+    for (i, (&[u, v, back_u, back_v], &depth_m)) in motion.pixels().iter().zip(passes.depth_m.pixels()).enumerate() {
+        if moving.pixels()[i] < 1.0 {
+            assert!(moving.pixels()[i] > 0.0 || [u, v, back_u, back_v] == [0.0; 4]);
+            continue;
+        }
+        seen += 1;
+        let pixels = 0.1 * fx / depth_m;
+        assert!(u.abs() < 1e-3 && (v - pixels).abs() < 1e-2, "{u} {v} for {pixels}");
+        assert!(back_v.abs() < 1e-3 && (back_u + pixels).abs() < 1e-2, "{back_u} {back_v} for {pixels}");
+    }
+    assert!(seen > 50, "{seen}");
+    assert!(composite.channels().iter().any(|group| group.name == "forward" && group.channels[1].0 == "v"));
+    let unmoved = together(&inserter, &[still]);
+    assert!(unmoved.passes.unwrap().motion_px.is_none());
+}
+
+/// Focal length of the box room's camera, in pixels.
+fn focal_px() -> f32 {
+    lo_geometry::Camera::from_hfov_deg(65.0, WIDTH as u32, HEIGHT as u32).unwrap().fx as f32
+}
