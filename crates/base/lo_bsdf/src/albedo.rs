@@ -41,7 +41,7 @@ pub fn specular_transmittance(f0: Vec3, cosine: f32) -> Vec3 {
 }
 
 /// Number of rows and columns of the tables.
-const SIZE: usize = 32;
+pub(crate) const SIZE: usize = 32;
 
 static SPECULAR: LazyLock<SpecularTable> = LazyLock::new(SpecularTable::new);
 
@@ -57,19 +57,19 @@ static MEAN_SCHLICK: LazyLock<Vec<f32>> = LazyLock::new(|| {
 });
 
 /// Cosine of a table column. Columns span [0, 1] with both ends, but a cosine of exactly 0 has no projected area.
-fn cosine_of(column: usize) -> f32 {
+pub(crate) fn cosine_of(column: usize) -> f32 {
     (column as f32 / (SIZE - 1) as f32).max(1e-3)
 }
 
 /// Returns the table cell of a value in [0, 1] and the fraction within the cell.
-fn cell_of(value: f32) -> (usize, f32) {
+pub(crate) fn cell_of(value: f32) -> (usize, f32) {
     let x = value.clamp(0.0, 1.0) * (SIZE - 1) as f32;
     let cell = (x as usize).min(SIZE - 2);
     (cell, x - cell as f32)
 }
 
 /// Local view direction at the given cosine from the normal.
-fn view_of(cosine: f32) -> Vec3 {
+pub(crate) fn view_of(cosine: f32) -> Vec3 {
     Vec3::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine)
 }
 

@@ -6,6 +6,7 @@
 //!   layer reflects and transmits.
 //! - [`MetallicRoughness`]: a surface point's BSDF parameters from a material's.
 //! - [`pane_reflectance`]: a thin sheet of clear glass.
+//! - [`sheen_albedo`]: the share of uniform light that a layer of sheen reflects.
 //! - [`dielectric_reflectance`], [`refracted`]: a smooth boundary between two dielectrics.
 //!
 //! Directions are unit vectors that point away from the surface. Local frames have the normal as +Z. Roughness is
@@ -20,6 +21,7 @@ mod fresnel;
 mod ggx;
 mod metallic_roughness;
 mod pane;
+mod sheen;
 
 pub use albedo::{MIRROR_ROUGHNESS, mean_specular_albedo, specular_albedo, specular_transmittance};
 pub use dielectric::{GLASS_IOR, dielectric_f0, dielectric_reflectance, refracted};
@@ -27,3 +29,4 @@ pub use fresnel::{DIELECTRIC_F0, fresnel, schlick_weight};
 pub use ggx::{Ggx, GgxSample, MIN_COSINE};
 pub use metallic_roughness::{MetallicRoughness, specular_cos};
 pub use pane::{mean_pane_reflectance, pane_reflectance};
+pub use sheen::sheen_albedo;

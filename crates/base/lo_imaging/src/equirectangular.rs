@@ -3,8 +3,20 @@
 use lo_geometry::{Orientation, Quat, Vec2, Vec3, direction_from_uv, uv_from_direction};
 use rayon::prelude::*;
 
+use crate::color::luminance;
 use crate::resize::{weighted, weights};
 use crate::{DepthMap, Image, RadianceImage};
+
+/// Returns the mean luminance of an equirectangular panorama over the sphere. Each pixel counts with 0 to 10⁹.
+pub fn mean_luminance(map: &RadianceImage) -> f64 {
+    let (width, height) = (map.width(), map.height());
+    let row = |y: usize| -> f64 {
+        let solid_angle_sr = f64::from(lo_geometry::pixel_solid_angle_sr(y, width, height));
+        let finite = |rgb: &[f32; 3]| f64::from(luminance(*rgb)).max(0.0).min(1e9);
+        map.pixels()[y * width..(y + 1) * width].iter().map(finite).sum::<f64>() * solid_angle_sr
+    };
+    (0..height).map(row).sum::<f64>() / (4.0 * std::f64::consts::PI)
+}
 
 /// Returns the radiance from a direction (of any length).
 ///
@@ -244,5 +256,14 @@ mod tests {
                 prop_assert!((got[c] - map[(x, y)][c]).abs() < 0.05 + 1e-4 * map[(x, y)][c]);
             }
         }
+    }
+
+    #[test]
+    fn the_mean_is_over_the_sphere() {
+        // the upper half has 3, of which luminance is linear
+        let map = RadianceImage::from_fn(64, 32, |_, y| if y < 16 { [3.0; 3] } else { [1.0; 3] });
+        assert!((mean_luminance(&map) - 2.0).abs() < 1e-5);
+        let odd = RadianceImage::new(2, 1, vec![[f32::NEG_INFINITY; 3], [2.0; 3]]);
+        assert!((mean_luminance(&odd) - 1.0).abs() < 1e-5);
     }
 }

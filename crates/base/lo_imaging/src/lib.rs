@@ -67,8 +67,8 @@ pub use depth::DepthFile;
 pub use encoded_image::MAX_PIXELS;
 pub use encoded_photo::{EncodedPhoto, PhotoEncoding};
 pub use equirectangular::{
-    reorient, reorient_depth, resize_equirectangular, rotate_equirectangular, rotate_equirectangular_nearest,
-    sample_equirectangular,
+    mean_luminance, reorient, reorient_depth, resize_equirectangular, rotate_equirectangular,
+    rotate_equirectangular_nearest, sample_equirectangular,
 };
 pub use error::ImageError;
 pub use exr_read::ExrChannels;

@@ -46,6 +46,10 @@ pub struct Material {
     pub clearcoat: f32,
     /// Perceptual roughness of the clear coat.
     pub clearcoat_roughness: f32,
+    /// Colour of a layer of sheen, linear RGB; black for none (`KHR_materials_sheen`).
+    pub sheen: [f32; 3],
+    /// Perceptual roughness of the sheen.
+    pub sheen_roughness: f32,
     /// Share of diffusely scattered light that leaves on the other side, as from paper or curtains
     /// (`KHR_materials_diffuse_transmission`, with the base colour as its colour).
     pub diffuse_transmission: f32,
@@ -98,6 +102,8 @@ impl Default for Material {
             specular: [1.0; 3],
             clearcoat: 0.0,
             clearcoat_roughness: 0.0,
+            sheen: [0.0; 3],
+            sheen_roughness: 0.0,
             diffuse_transmission: 0.0,
         }
     }

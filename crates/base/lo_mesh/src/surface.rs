@@ -29,6 +29,10 @@ pub struct SurfacePoint {
     pub clearcoat: f32,
     /// Perceptual roughness of the clear coat.
     pub clearcoat_roughness: f32,
+    /// Colour of the sheen, linear RGB.
+    pub sheen: [f32; 3],
+    /// Perceptual roughness of the sheen.
+    pub sheen_roughness: f32,
     /// Whether the viewer sees the triangle's front, which is the outside of a solid.
     pub is_front: bool,
     /// Metalness, from 0 to 1.
@@ -80,6 +84,8 @@ impl Model {
             dielectric_f0: material.specular.map(|factor| (factor * dielectric_f0(material.ior)).min(1.0)),
             clearcoat: material.clearcoat,
             clearcoat_roughness: material.clearcoat_roughness,
+            sheen: material.sheen,
+            sheen_roughness: material.sheen_roughness,
             is_front: side > 0.0,
             metallic: (material.metallic * blue).clamp(0.0, 1.0),
             roughness: (material.roughness * green).clamp(0.0, 1.0),

@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use lo_dataset::{Dataset, DatasetError, Sample};
 use lo_events::{Cancelled, OnEvent, Steps};
 use lo_geometry::{Vec3, pixel_direction};
-use lo_imaging::{RadianceImage, linear_from_srgb8, luminance};
-use lo_metrics::solid_angles_sr;
+use lo_imaging::{RadianceImage, linear_from_srgb8, luminance, mean_luminance};
 use serde::{Deserialize, Serialize};
 
 /// Number of bands of equal elevation range, from straight down to straight up.
@@ -90,7 +89,7 @@ impl ProfileBuilder {
         let up = sample.up.unwrap_or(Vec3::Y);
         for view in &sample.views {
             let (width, height) = (view.radiance.width(), view.radiance.height());
-            let own_mean = mean_luminance(&view.radiance);
+            let own_mean = mean_luminance(&view.radiance).max(f64::MIN_POSITIVE);
             for y in 0..height {
                 let angle = f64::from(lo_geometry::pixel_solid_angle_sr(y, width, height));
                 for x in 0..width {
@@ -193,13 +192,6 @@ fn interpolated(factors: &[f32], direction: Vec3, up: Vec3) -> f32 {
     let first = position as usize;
     let share = position - first as f32;
     factors[first] * (1.0 - share) + factors[(first + 1).min(last)] * share
-}
-
-/// Returns the mean luminance of a panorama over the sphere, above 0.
-fn mean_luminance(panorama: &RadianceImage) -> f64 {
-    let angles = solid_angles_sr(panorama.width(), panorama.height());
-    let weighted = panorama.pixels().iter().zip(&angles).map(|(&rgb, &angle)| luminance(rgb).max(0.0) * angle);
-    weighted.map(f64::from).sum::<f64>().max(f64::MIN_POSITIVE) / angles.iter().map(|v| f64::from(*v)).sum::<f64>()
 }
 
 /// Returns the mean linear colour of a photo. Clipped pixels are used as they are.

@@ -76,6 +76,8 @@ pub struct MaterialExtensions {
     pub specular: Option<Specular>,
     #[serde(rename = "KHR_materials_clearcoat")]
     pub clearcoat: Option<Clearcoat>,
+    #[serde(rename = "KHR_materials_sheen")]
+    pub sheen: Option<Sheen>,
     #[serde(rename = "KHR_materials_diffuse_transmission")]
     pub diffuse_transmission: Option<DiffuseTransmission>,
     #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
@@ -90,12 +92,15 @@ impl MaterialExtensions {
     pub fn ignored_textures(&self) -> impl Iterator<Item = &str> {
         let specular = self.specular.as_ref();
         let clearcoat = self.clearcoat.as_ref();
+        let sheen = self.sheen.as_ref();
         let given = [
             ("specularTexture", specular.is_some_and(|s| s.specular_texture.is_some())),
             ("specularColorTexture", specular.is_some_and(|s| s.specular_color_texture.is_some())),
             ("clearcoatTexture", clearcoat.is_some_and(|c| c.clearcoat_texture.is_some())),
             ("clearcoatRoughnessTexture", clearcoat.is_some_and(|c| c.clearcoat_roughness_texture.is_some())),
             ("clearcoatNormalTexture", clearcoat.is_some_and(|c| c.clearcoat_normal_texture.is_some())),
+            ("sheenColorTexture", sheen.is_some_and(|s| s.sheen_color_texture.is_some())),
+            ("sheenRoughnessTexture", sheen.is_some_and(|s| s.sheen_roughness_texture.is_some())),
             ("thicknessTexture", self.volume.as_ref().is_some_and(|v| v.thickness_texture.is_some())),
         ];
         given.into_iter().filter_map(|(name, given)| given.then_some(name))
@@ -109,7 +114,6 @@ impl MaterialExtensions {
                 value => value.and_then(Value::as_f64).is_some_and(|value| value != 0.0),
             };
             match name.as_str() {
-                "KHR_materials_sheen" => has("sheenColorFactor"),
                 "KHR_materials_iridescence" => has("iridescenceFactor"),
                 "KHR_materials_anisotropy" => has("anisotropyStrength"),
                 "KHR_materials_dispersion" => has("dispersion"),
@@ -263,6 +267,15 @@ pub struct TextureTransform {
     #[serde(default = "ones")]
     pub scale: [f32; 2],
     pub tex_coord: Option<usize>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct Sheen {
+    pub sheen_color_factor: [f32; 3],
+    pub sheen_color_texture: Option<IgnoredAny>,
+    pub sheen_roughness_factor: f32,
+    pub sheen_roughness_texture: Option<IgnoredAny>,
 }
 
 fn glass_ior() -> f32 {

@@ -70,6 +70,8 @@ fn read_material(index: usize, source: &json::Material, textures: &mut TextureLo
         }),
         clearcoat: extensions.clearcoat.as_ref().map_or(0.0, |given| share(given.clearcoat_factor)),
         clearcoat_roughness: extensions.clearcoat.as_ref().map_or(0.0, |c| share(c.clearcoat_roughness_factor)),
+        sheen: extensions.sheen.as_ref().map_or([0.0; 3], |given| given.sheen_color_factor.map(share)),
+        sheen_roughness: extensions.sheen.as_ref().map_or(0.0, |given| share(given.sheen_roughness_factor)),
         diffuse_transmission: diffuse_transmission.map_or(0.0, |t| share(t.diffuse_transmission_factor)),
         ..Material::default()
     };

@@ -294,17 +294,20 @@ fn layers_and_reflectance_of_dielectrics_are_read() {
         "KHR_materials_clearcoat": {"clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.25},
         "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 0.5, 2]},
         "KHR_materials_ior": {"ior": 0},
+        "KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 0], "sheenRoughnessFactor": 0.75},
     }));
     assert_eq!((material.clearcoat, material.clearcoat_roughness), (0.75, 0.25));
     assert_eq!((material.specular, material.ior), ([0.5, 0.25, 1.0], 100.0));
+    assert_eq!((material.sheen, material.sheen_roughness), ([0.5, 0.25, 0.0], 0.75));
     assert_eq!(warnings, []);
     // Extensions and textures that are not applied are named once; those without effect are not.
     let (_, warnings) = read(json!({
         "KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatTexture": {"index": 0}},
-        "KHR_materials_sheen": {"sheenColorFactor": [0, 0, 0]},
+        "KHR_materials_sheen": {"sheenColorFactor": [0, 0, 0], "sheenColorTexture": {"index": 0}},
         "KHR_materials_iridescence": {"iridescenceFactor": 1}, "EXT_materials_glitter": {},
     }));
-    let names = ["EXT_materials_glitter", "KHR_materials_iridescence", "clearcoatTexture"].map(str::to_owned).to_vec();
+    let names = ["EXT_materials_glitter", "KHR_materials_iridescence", "clearcoatTexture", "sheenColorTexture"];
+    let names = names.map(str::to_owned).to_vec();
     assert_eq!(warnings, [MeshWarning::MaterialExtensions { names }]);
 }
 

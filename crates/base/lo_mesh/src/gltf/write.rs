@@ -298,6 +298,10 @@ fn material_json(m: &Material, lists: &mut TextureLists, used: &mut BTreeMap<&'s
         let value = json!({ "clearcoatFactor": m.clearcoat, "clearcoatRoughnessFactor": m.clearcoat_roughness });
         extend("KHR_materials_clearcoat", value);
     }
+    if m.sheen != [0.0; 3] {
+        let value = json!({ "sheenColorFactor": m.sheen, "sheenRoughnessFactor": m.sheen_roughness });
+        extend("KHR_materials_sheen", value);
+    }
     if m.diffuse_transmission > 0.0 {
         let [r, g, b, _] = m.base_color;
         let value = json!({
@@ -350,6 +354,8 @@ mod tests {
             specular: [0.5, 0.25, 1.5],
             clearcoat: 0.75,
             clearcoat_roughness: 0.25,
+            sheen: [0.25, 0.5, 0.75],
+            sheen_roughness: 0.5,
             double_sided: false,
             ..Material::default()
         };
@@ -448,6 +454,7 @@ mod tests {
             "KHR_materials_diffuse_transmission",
             "KHR_materials_emissive_strength",
             "KHR_materials_ior",
+            "KHR_materials_sheen",
             "KHR_materials_specular",
             "KHR_materials_transmission",
             "KHR_materials_volume",

@@ -4,20 +4,13 @@ use std::f32::consts::{PI, TAU};
 
 use lo_geometry::Vec3;
 use lo_imaging::{Image, RadianceImage};
-use lo_lights::{LightPatch, PatchShape, cap_luminance, excess, luminance};
+use lo_lights::{LightPatch, PatchShape, cap_luminance, excess};
 
 /// Splits a map at the cap (see [`crate::light::samples`]): patches of light, and the map without their excess.
 pub(crate) fn split(map: &RadianceImage) -> (Vec<LightPatch>, RadianceImage) {
     let (width, height) = (map.width(), map.height());
     let solid_angle = |y: usize| lo_geometry::pixel_solid_angle_sr(y, width, height);
-    let mean: f64 = (0..height)
-        .map(|y| {
-            let row = &map.pixels()[y * width..(y + 1) * width];
-            f64::from(solid_angle(y)) * row.iter().map(|&p| f64::from(luminance(Vec3::from(p)))).sum::<f64>()
-        })
-        .sum::<f64>()
-        / (4.0 * std::f64::consts::PI);
-    let cap = cap_luminance(mean as f32);
+    let cap = cap_luminance(lo_imaging::mean_luminance(map) as f32);
     let mut emitters = Vec::new();
     let dimmed = Image::from_fn(width, height, |x, y| {
         let radiance = Vec3::from(map[(x, y)]);

@@ -3,7 +3,9 @@
 use std::collections::HashMap;
 use std::f32::consts::PI;
 
-use lo_bsdf::{GgxSample, MIN_COSINE, MetallicRoughness, fresnel, specular_albedo, specular_transmittance};
+use lo_bsdf::{
+    GgxSample, MIN_COSINE, MetallicRoughness, fresnel, sheen_albedo, specular_albedo, specular_transmittance,
+};
 use lo_cone::{Cone, ConeSample};
 use lo_events::{Cancelled, OnEvent};
 use lo_geometry::{Camera, Mat3, Ray, Vec2, Vec3, smoothstep};
@@ -132,7 +134,7 @@ impl Shader<'_> {
             .map(|f| {
                 let bsdf = bsdf_of(&f.point);
                 let faint = bsdf.f0.max_element() < FAINT_F0 && f.point.roughness > SHARED_ROUGHNESS;
-                let diffuse = bsdf.diffuse != Vec3::ZERO && diffuse_share(&f.point) > 0.0;
+                let diffuse = bsdf.diffuse != Vec3::ZERO && diffuse_share(&f.point) > 0.0 || f.point.sheen != [0.0; 3];
                 let gloss = sampled_share(f.point.roughness) > 0.0;
                 FragmentMaterial { bsdf, shares_reflection: self.stride > 1 && faint, diffuse, gloss }
             })
@@ -188,6 +190,9 @@ impl Shader<'_> {
                 });
                 let albedo = glass.albedo;
                 let reflected = light.reflected * albedo + light.highlights * sampled_share(point.roughness);
+                // Sheen is lit as if it were diffuse, and dims what is under it.
+                let sheen = Vec3::from(point.sheen) * sheen_albedo(point.sheen_roughness, n_dot_v);
+                let under_sheen = 1.0 - sheen.max_element();
                 let coat = coat_of(point);
                 let coat_albedo = specular_albedo(coat.f0, coat.roughness, n_dot_v) * point.clearcoat;
                 // Coverage multiplies it later, but the light of a pane is not dimmed by what passes through.
@@ -195,8 +200,10 @@ impl Shader<'_> {
                 let brighter = if pane { 1.0 / blocked_share(point, fragments[i].view) } else { 1.0 };
                 let under_coat = (Vec3::ONE - coat_albedo) * brighter;
                 Shaded {
-                    diffuse: diffuse * diffuse_share(point) * under_coat,
-                    specular: reflected * under_coat + coat_reflected[i] * coat_albedo * brighter,
+                    diffuse: diffuse * diffuse_share(point) * under_sheen * under_coat,
+                    specular: (reflected * under_sheen + sheen * light.irradiance * (point.occlusion / PI))
+                        * under_coat
+                        + coat_reflected[i] * coat_albedo * brighter,
                     transmission: glass.light * transmission(point) * under_coat,
                     emission: Vec3::from(point.emissive) * under_coat,
                 }

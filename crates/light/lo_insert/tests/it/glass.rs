@@ -193,3 +193,24 @@ fn what_is_inside_or_behind_glass_is_seen_through_it() {
     let enlarged = reds(&with) / reds(&without);
     assert!((enlarged / 2.25 - 1.0).abs() < 0.15, "{enlarged}");
 }
+
+#[test]
+fn coats_and_sheen_neither_make_nor_lose_much_light() {
+    let grey = |_: Vec3| [0.5; 3];
+    let scene = room(Photo::Linear, grey, grey);
+    let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Normal).unwrap();
+    let white = Material { base_color: [1.0; 4], roughness: 1.0, ..Material::default() };
+    let range = |material: Material| {
+        let composite = alone(&inserter, &ball(material), in_air(Vec3::new(0.0, 0.0, -2.0), 0.4));
+        let pixels = linear(&composite).pixels().iter().zip(composite.alpha.pixels());
+        let inside = pixels.filter(|(_, alpha)| **alpha == 1.0).map(|(pixel, _)| pixel[0]);
+        inside.fold((f32::INFINITY, 0.0f32), |(low, high), value| (low.min(value), high.max(value)))
+    };
+    let (_, bare) = range(white.clone());
+    let coated = range(Material { clearcoat: 1.0, ..white.clone() });
+    let cloth = range(Material { sheen: [1.0; 3], sheen_roughness: 0.5, ..white });
+    for (name, (low, high)) in [("coat", coated), ("sheen", cloth)] {
+        assert!(high < bare.max(0.5) + 0.01, "{name}: {high} over {bare}");
+        assert!(low > 0.4, "{name}: {low}");
+    }
+}
