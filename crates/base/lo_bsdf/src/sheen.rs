@@ -1,4 +1,4 @@
-//! Sheen of cloth (`KHR_materials_sheen`): the Charlie distribution (Estevez and Kulla 2017) with Ashikhmin's visibility.
+//! Sheen of cloth (`KHR_materials_sheen`): the Charlie distribution (Estevez and Kulla 2017), Ashikhmin's visibility.
 
 use std::f32::consts::{PI, TAU};
 use std::sync::LazyLock;
@@ -10,7 +10,8 @@ use crate::albedo::{SIZE, cell_of, cosine_of, view_of};
 /// Smallest perceptual roughness: below it, the table is too coarse.
 const MIN_ROUGHNESS: f32 = 0.15;
 
-/// Directional albedo of a white sheen layer: the share of uniform light that it reflects to a view of the given cosine.
+/// Directional albedo of a white sheen layer: the share of uniform light that it reflects to a view of the given
+/// cosine.
 #[inline]
 pub fn sheen_albedo(roughness: f32, cosine: f32) -> f32 {
     let ((column, fx), (row, fy)) = (cell_of(cosine), cell_of(roughness.max(MIN_ROUGHNESS)));
