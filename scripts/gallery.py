@@ -365,7 +365,14 @@ def lamp():
     save(grid([[cut(picture, (100, 100, 800, 660), 424) for picture in pictures]]), "lamp")
 
 
-ALL = [demo, real_photos, sheet, photo_alone, spheres, tea_set, spot, several, mattes, desk_panorama, chrome_lookup, networks, shadows, panorama_prior, lights, sunny, window, lamp]
+def glass():
+    on_floor = [("glass-sphere", 0.3, "900,1180", ()), ("wine-glass", 0.4, "1150,1150", ()), ("bottle", 0.5, "1380,1120", ()),
+                ("sphere", 0.3, "650,1150", ("--material", "frosted-glass"))]  # fmt: skip
+    objects = [option for name, height, pixel, more in on_floor for option in ("--mesh", f"builtin:{name}", "--height", height, "--pixel", pixel, *more)]
+    save(cut(insert(library(), *objects, "--quality", "high"), (480, 700, 1560, 1300), 800), "glass")
+
+
+ALL = [demo, real_photos, sheet, photo_alone, spheres, tea_set, spot, several, mattes, desk_panorama, chrome_lookup, networks, shadows, panorama_prior, lights, sunny, window, lamp, glass]
 
 
 def main():
