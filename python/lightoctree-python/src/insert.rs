@@ -143,15 +143,9 @@ impl Prepared {
         reporter.name_objects(self.names.clone());
         let models = self.models.per_object();
         let placed = models.iter().zip(&self.placements).zip(&self.names);
-        let instance = |((model, placements), name): ((&&'_ PreparedModel, &Vec<Placement>), _)| {
-            let instance = Instance::new(model, placements[frame]).named(name);
-            if placements.len() == 1 {
-                return instance;
-            }
-            let last = placements.len() - 1;
-            instance.moving(placements[frame.saturating_sub(1)], placements[(frame + 1).min(last)])
-        };
-        let instances: Vec<Instance<'_>> = placed.map(instance).collect();
+        let instances: Vec<Instance<'_>> = placed
+            .map(|((model, placements), name)| Instance::in_sequence(model, placements, frame).named(name))
+            .collect();
         let rendered = self.inserter.render(&instances, &mut |event| reporter.handle(event));
         rendered.map(Composite::new).map_err(|error| with_object_name(error, &self.names))
     }

@@ -283,15 +283,7 @@ impl<'a> Objects<'a> {
     /// Returns the objects of a frame.
     fn instances(&self, frame: usize) -> Vec<Instance<'_>> {
         let placed = self.models.iter().zip(&self.placements).zip(&self.names);
-        let instance = |((model, placements), name): ((&&'a PreparedModel, &Vec<Placement>), _)| {
-            let instance = Instance::new(model, placements[frame]).named(name);
-            if placements.len() == 1 {
-                return instance;
-            }
-            let last = placements.len() - 1;
-            instance.moving(placements[frame.saturating_sub(1)], placements[(frame + 1).min(last)])
-        };
-        placed.map(instance).collect()
+        placed.map(|((model, placements), name)| Instance::in_sequence(model, placements, frame).named(name)).collect()
     }
 
     /// Returns the mean position in the first frame.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use lo_dataset::{Dataset, DatasetError, Sample};
 use lo_events::{Cancelled, OnEvent, Steps};
 use lo_geometry::{Vec3, pixel_direction};
-use lo_imaging::{RadianceImage, linear_from_srgb8, luminance, mean_luminance};
+use lo_imaging::{linear_from_srgb8, luminance, mean_luminance};
 use serde::{Deserialize, Serialize};
 
 /// Number of bands of equal elevation range, from straight down to straight up.
@@ -211,6 +211,8 @@ fn height_of(direction: Vec3, up: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
+    use lo_imaging::RadianceImage;
+
     use super::*;
     use crate::testing;
     use lo_dataset::NovelView;

@@ -144,6 +144,7 @@ mod tests {
             ),
             reflection: None,
             grain: None,
+            passes: None,
             occlusion: Image::new(width, height, vec![0.0; width * height]),
         }
     }

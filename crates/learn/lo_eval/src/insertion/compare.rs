@@ -135,6 +135,7 @@ mod tests {
             reflection: None,
             grain: None,
             occlusion: Image::from_fn(16, 16, |_, _| 0.0),
+            passes: None,
         }
     }
 

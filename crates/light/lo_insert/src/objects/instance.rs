@@ -21,6 +21,16 @@ impl<'a> Instance<'a> {
         Self { model, placement, name: None, moves: None }
     }
 
+    /// Combines a model and its placement in image `frame` of a sequence, of which `placements` has one for each image.
+    ///
+    /// # Panics
+    /// If the sequence has no such image.
+    pub fn in_sequence(model: &'a PreparedModel, placements: &[Placement], frame: usize) -> Self {
+        let instance = Self::new(model, placements[frame]);
+        let at = |frame: usize| placements[frame.min(placements.len() - 1)];
+        if placements.len() == 1 { instance } else { instance.moving(at(frame.saturating_sub(1)), at(frame + 1)) }
+    }
+
     /// Sets the name.
     #[must_use]
     pub fn named(self, name: &'a str) -> Self {
