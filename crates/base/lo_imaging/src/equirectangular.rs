@@ -12,7 +12,7 @@ pub fn mean_luminance(map: &RadianceImage) -> f64 {
     let (width, height) = (map.width(), map.height());
     let row = |y: usize| -> f64 {
         let solid_angle_sr = f64::from(lo_geometry::pixel_solid_angle_sr(y, width, height));
-        let finite = |rgb: &[f32; 3]| f64::from(luminance(*rgb)).max(0.0).min(1e9);
+        let finite = |rgb: &[f32; 3]| f64::from(luminance(*rgb)).max(0.0).clamp(0.0, 1e9);
         map.pixels()[y * width..(y + 1) * width].iter().map(finite).sum::<f64>() * solid_angle_sr
     };
     (0..height).map(row).sum::<f64>() / (4.0 * std::f64::consts::PI)

@@ -21,7 +21,7 @@ use crate::placement_check::{ObjectVisibility, PlacementCheck};
 use crate::quality::Counts;
 use crate::shade::composite::{Composite, Layers};
 use crate::shade::gloss::Gloss;
-use crate::shade::passes::PassImages;
+use crate::shade::passes::{MotionOf, PassImages};
 use crate::shade::redistortion::Redistortion;
 use crate::shade::shader::{Shaded, Shader};
 use crate::shade::visibility::{Fragment, RayCaster, TILE, TileView, coverage_pattern, is_in_view, seen_window};
@@ -348,7 +348,7 @@ impl Inserter {
                 let moved = objects[fragment.object].moved(point);
                 moved.map_or([Vec3::ZERO; 2], |[previous, next]| [at(next) - at(point), at(point) - at(previous)])
             };
-            let motion = objects.iter().any(Object::moves).then_some(&motion as &dyn Fn(&Fragment) -> [Vec3; 2]);
+            let motion = objects.iter().any(Object::moves).then_some(&motion as &MotionOf);
             PassImages::new(&view, &shaded, [width, height], names, material, motion, &add)
         });
         for (pixel, (sum, count)) in occluder_colours {

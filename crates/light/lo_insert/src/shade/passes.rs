@@ -57,6 +57,9 @@ pub(crate) struct PassImages {
 /// Gives the pixels the values of fragments, as their light is.
 pub(crate) type AddValues<'a> = dyn Fn(&[Vec3]) -> Image<Vec3> + 'a;
 
+/// Gives a fragment's motion to the next image and from the previous one.
+pub(crate) type MotionOf<'a> = dyn Fn(&Fragment) -> [Vec3; 2] + 'a;
+
 impl PassImages {
     /// Computes the passes of shaded fragments. `names` are those of the objects, and `material_of` gives the
     /// material's name of a fragment,
@@ -67,7 +70,7 @@ impl PassImages {
         size: [usize; 2],
         names: &[String],
         material_of: impl Fn(&Fragment) -> String,
-        motion_of: Option<&dyn Fn(&Fragment) -> [Vec3; 2]>,
+        motion_of: Option<&MotionOf<'_>>,
         add: &AddValues<'_>,
     ) -> Self {
         let light = [

@@ -77,7 +77,7 @@ impl RefractedRays<'_> {
     }
 
     /// Adds the ends of a ray that starts at an object, in order of their shares.
-    pub fn from_surface(&self, object: usize, ray: Ray, ends: &mut Vec<RayEnd>) {
+    pub fn leave(&self, object: usize, ray: Ray, ends: &mut Vec<RayEnd>) {
         let part = Part { ray, object, inside: None, share: Vec3::ONE, clear: 1.0, spread: 0.0, boundaries: 0 };
         self.follow(part, ends);
     }

@@ -326,7 +326,7 @@ impl Shader<'_> {
             let ray = Ray { origin, direction };
             ends.clear();
             if rays.0.have_glass() {
-                rays.from_surface(object, ray, &mut ends);
+                rays.leave(object, ray, &mut ends);
             } else {
                 let met = rays.0.closest(&ray, f32::INFINITY);
                 ends.push(RayEnd { ray, object, met, share: Vec3::ONE, spread: 0.0 });
