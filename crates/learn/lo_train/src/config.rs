@@ -308,7 +308,7 @@ mod tests {
             include_str!("../../../../configs/shipped.toml"),
             include_str!("../../../../configs/recipe.toml"),
             include_str!("../../../../configs/expected.toml"),
-            include_str!("../../../../configs/refine.toml"),
+            include_str!("../../../../configs/recipe_depth.toml"),
         ]
         .map(|text| {
             let config: TrainConfig = toml::from_str(text).unwrap();
