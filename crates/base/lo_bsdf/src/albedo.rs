@@ -62,7 +62,7 @@ pub(crate) fn cosine_of(column: usize) -> f32 {
 }
 
 /// Returns the table cell of a value in [0, 1] and the fraction within the cell.
-pub(crate) fn cell_of(value: f32) -> (usize, f32) {
+fn cell_of(value: f32) -> (usize, f32) {
     let x = value.clamp(0.0, 1.0) * (SIZE - 1) as f32;
     let cell = (x as usize).min(SIZE - 2);
     (cell, x - cell as f32)
@@ -104,14 +104,19 @@ impl SpecularTable {
     }
 
     fn at(&self, roughness: f32, cosine: f32) -> [f32; 2] {
-        let ((column, fx), (row, fy)) = (cell_of(cosine), cell_of(roughness));
-        let cell = |dx: usize, dy: usize| self.cells[(row + dy) * SIZE + column + dx];
-        let (a, b, c, d) = (cell(0, 0), cell(1, 0), cell(0, 1), cell(1, 1));
-        std::array::from_fn(|k| {
-            let (top, bottom) = (a[k] + (b[k] - a[k]) * fx, c[k] + (d[k] - c[k]) * fx);
-            top + (bottom - top) * fy
-        })
+        interpolated(&self.cells, roughness, cosine)
     }
+}
+
+/// Interpolates a table whose rows are roughnesses and whose columns are cosines.
+pub(crate) fn interpolated<const N: usize>(cells: &[[f32; N]], roughness: f32, cosine: f32) -> [f32; N] {
+    let ((column, fx), (row, fy)) = (cell_of(cosine), cell_of(roughness));
+    let cell = |dx: usize, dy: usize| cells[(row + dy) * SIZE + column + dx];
+    let (a, b, c, d) = (cell(0, 0), cell(1, 0), cell(0, 1), cell(1, 1));
+    std::array::from_fn(|k| {
+        let (top, bottom) = (a[k] + (b[k] - a[k]) * fx, c[k] + (d[k] - c[k]) * fx);
+        top + (bottom - top) * fy
+    })
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use lo_geometry::{Vec3, cosine_hemisphere};
 
-use crate::albedo::{SIZE, cell_of, cosine_of, view_of};
+use crate::albedo::{SIZE, cosine_of, interpolated, view_of};
 
 /// Smallest perceptual roughness: below it, the table is too coarse.
 const MIN_ROUGHNESS: f32 = 0.15;
@@ -14,32 +14,33 @@ const MIN_ROUGHNESS: f32 = 0.15;
 /// cosine.
 #[inline]
 pub fn sheen_albedo(roughness: f32, cosine: f32) -> f32 {
-    let ((column, fx), (row, fy)) = (cell_of(cosine), cell_of(roughness.max(MIN_ROUGHNESS)));
-    let cell = |dx: usize, dy: usize| SHEEN[(row + dy) * SIZE + column + dx];
-    let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
-    mix(mix(cell(0, 0), cell(1, 0), fx), mix(cell(0, 1), cell(1, 1), fx), fy)
+    let [albedo] = interpolated(&SHEEN, roughness.max(MIN_ROUGHNESS), cosine);
+    albedo
 }
 
 /// The albedo by roughness and cosine.
-static SHEEN: LazyLock<Vec<f32>> = LazyLock::new(|| {
+static SHEEN: LazyLock<Vec<[f32; 1]>> = LazyLock::new(|| {
     let hemisphere = cosine_hemisphere(2048);
     let cell = |i: usize| {
         let roughness = ((i / SIZE) as f32 / (SIZE - 1) as f32).max(MIN_ROUGHNESS);
         let view = view_of(cosine_of(i % SIZE));
         let sum: f32 = hemisphere.iter().map(|&light| charlie(roughness, view, light) * PI).sum();
-        (sum / hemisphere.len() as f32).min(1.0)
+        [(sum / hemisphere.len() as f32).min(1.0)]
     };
     (0..SIZE * SIZE).map(cell).collect()
 });
 
 /// BRDF of white sheen per steradian, for local directions.
 fn charlie(roughness: f32, view: Vec3, light: Vec3) -> f32 {
-    let alpha = roughness * roughness;
     let half = (view + light).normalize_or(Vec3::Z);
-    let sine = (1.0 - half.z * half.z).max(0.0).sqrt();
-    let density = (2.0 + 1.0 / alpha) * sine.powf(1.0 / alpha) / TAU;
     let visibility = 1.0 / (4.0 * (light.z + view.z - light.z * view.z)).max(1e-4);
-    density * visibility
+    density(roughness, (1.0 - half.z * half.z).max(0.0).sqrt()) * visibility
+}
+
+/// Density of microfacets per steradian at a sine of their tilt.
+fn density(roughness: f32, sine: f32) -> f32 {
+    let alpha = roughness * roughness;
+    (2.0 + 1.0 / alpha) * sine.powf(1.0 / alpha) / TAU
 }
 
 #[cfg(test)]
@@ -48,14 +49,14 @@ mod tests {
 
     #[test]
     fn the_distribution_is_normalised() {
-        // ∫ D cos θ dω = 1 (Estevez and Kulla 2017), in f64 over the half vector's elevation.
-        for roughness in [0.3f64, 0.5, 1.0] {
-            let alpha = roughness * roughness;
+        // ∫ D cos θ dω = 1 (Estevez and Kulla 2017), summed in f64 over the half vector's elevation.
+        for roughness in [0.3, 0.5, 1.0] {
             let steps = 20_000;
             let sum: f64 = (0..steps)
                 .map(|i| {
                     let theta = (i as f64 + 0.5) / steps as f64 * std::f64::consts::FRAC_PI_2;
-                    (2.0 + 1.0 / alpha) * theta.sin().powf(1.0 / alpha) * theta.cos() * theta.sin()
+                    let ring_sr = std::f64::consts::TAU * theta.sin();
+                    f64::from(density(roughness, theta.sin() as f32)) * theta.cos() * ring_sr
                 })
                 .sum::<f64>()
                 * std::f64::consts::FRAC_PI_2

@@ -52,11 +52,6 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    fn volume(model: &Model) -> f32 {
-        let corner = |v: u32| model.positions[v as usize];
-        model.triangles.iter().map(|&[a, b, c]| corner(a).cross(corner(b)).dot(corner(c)) / 6.0).sum()
-    }
-
     #[test]
     fn bodies_are_closed_and_face_outwards() {
         // A cylinder, and a tube of its wall.
@@ -64,7 +59,7 @@ mod tests {
         let tube = [[0.5, 0.0], [1.0, 0.0], [1.0, 2.0], [0.5, 2.0]];
         for (profile, expected) in [(cylinder, std::f32::consts::TAU), (tube, 1.5 * std::f32::consts::PI)] {
             let model = Model::lathe(&profile, 96, Material::default()).unwrap();
-            let found = volume(&model);
+            let found = model.volume();
             assert!((found / expected - 1.0).abs() < 2e-3, "{found} for {expected}");
             // Each edge belongs to two triangles that run along it in opposite directions.
             let at = |v: u32| model.positions[v as usize].to_array().map(f32::to_bits);

@@ -78,4 +78,11 @@ impl Model {
             Bounds { min: bounds.min.min(p), max: bounds.max.max(p) }
         })
     }
+
+    /// Returns the volume inside a closed model that faces outwards.
+    #[cfg(test)]
+    pub(crate) fn volume(&self) -> f32 {
+        let corner = |v: u32| self.positions[v as usize];
+        self.triangles.iter().map(|&[a, b, c]| corner(a).cross(corner(b)).dot(corner(c)) / 6.0).sum()
+    }
 }

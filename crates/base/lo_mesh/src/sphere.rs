@@ -84,14 +84,7 @@ mod tests {
             let count = 20 * 4usize.pow(subdivisions);
             // Euler: V − E + F = 2 with E = 3/2 F
             assert_eq!((model.triangles.len(), icosphere(subdivisions).0.len()), (count, count / 2 + 2));
-            let volume: f32 = model
-                .triangles
-                .iter()
-                .map(|t| {
-                    let [a, b, c] = t.map(|v| model.positions[v as usize]);
-                    a.cross(b).dot(c) / 6.0
-                })
-                .sum();
+            let volume = model.volume();
             let exact = 4.0 / 3.0 * std::f32::consts::PI * 8.0;
             assert!(volume < exact && volume > exact * (1.0 - tolerance), "{subdivisions}: {volume} of {exact}");
         }

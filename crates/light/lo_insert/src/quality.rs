@@ -13,6 +13,7 @@ use crate::shade::visibility::AdaptiveCoverage;
 /// | transmittance at which cones of diffuse light end | 1 % | 0.3 % | 0.01 % |
 /// | side of the image of the room behind the object, texels | 32 | 48 | 96 |
 /// | cones of a blurred reflection | 1 | 6 | 24 |
+/// | rays per pixel through glass | 2 | 3 | 8 |
 /// | directions of a reflection in a glossy floor | 4 | 16 | 64 |
 /// | light samples on the object | 6 | 32 | 128 |
 /// | directions per background point (× 16 by interleaving) | 8 | 16 | 96 |

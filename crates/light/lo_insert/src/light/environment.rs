@@ -1,3 +1,5 @@
+use std::sync::OnceLock;
+
 use lo_cone::{Cone, ConeSample, ConeTracer, Sampling, Settings};
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::RadianceImage;
@@ -51,8 +53,10 @@ enum EnvironmentSource {
 
 /// Real surfaces behind glass under a map at infinity.
 struct Behind {
+    scene: LitScene,
     tracer: ConeTracer,
-    photo: PhotoLookup,
+    /// Made for the first glass, because it takes some tenths of a second.
+    photo: OnceLock<PhotoLookup>,
 }
 
 /// Lookups that sharpen reflections beyond the octree's resolution.
@@ -131,7 +135,7 @@ impl Environment {
         let lights = Lights::sample(&patches, LIGHT_SAMPLES);
         let behind = if counts.photo_lookup {
             let tracer = ConeTracer::new(&scene.light, Settings::default())?;
-            Some(Box::new(Behind { photo: PhotoLookup::new(scene, &tracer), tracer }))
+            Some(Box::new(Behind { scene: scene.clone(), tracer, photo: OnceLock::new() }))
         } else {
             None
         };
@@ -229,10 +233,21 @@ impl Environment {
         self.gather_added(cones, samples);
     }
 
+    /// Prepares [`Environment::gather_behind`].
+    pub fn prepare_behind(&self) {
+        if let EnvironmentSource::Map { behind: Some(behind), .. } = &self.source {
+            behind.photo.get_or_init(|| PhotoLookup::new(&behind.scene, &behind.tracer));
+        }
+    }
+
     /// [`Environment::gather_reflected`] for cones that pass glass: under a map at infinity too, the photo is used
-    /// where it observes what they meet.
+    /// where it observes what they meet, once it is [prepared](Environment::prepare_behind).
     pub fn gather_behind(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
-        let EnvironmentSource::Map { behind: Some(behind), .. } = &self.source else {
+        let behind = match &self.source {
+            EnvironmentSource::Map { behind: Some(behind), .. } => behind.photo.get().map(|photo| (behind, photo)),
+            _ => None,
+        };
+        let Some((behind, photo)) = behind else {
             self.gather_reflected(apexes, cones, samples);
             return;
         };
@@ -242,7 +257,7 @@ impl Environment {
         for (met, sample) in met.iter_mut().zip(samples.iter()) {
             met.radiance = sample.radiance;
         }
-        behind.photo.sharpen_from(apexes, cones, &mut met);
+        photo.sharpen_from(apexes, cones, &mut met);
         for (sample, met) in samples.iter_mut().zip(met) {
             // Elsewhere, the map stays at infinity.
             if met.radiance != sample.radiance {

@@ -15,9 +15,6 @@ use crate::objects::object::Object;
 use crate::objects::tracing::{ObjectHit, Objects};
 use crate::shadow::ratio::ShadowRatio;
 
-/// Distance from a surface at which rays against the object start, as a share of the object's radius.
-const RAY_START: f32 = 2e-4;
-
 /// Reach of an object's shadow on real surfaces, as a multiple of its radius.
 const SHADOW_REACH: f32 = 8.0;
 
@@ -139,7 +136,7 @@ pub(crate) fn object_lights(
 impl Gatherer<'_> {
     /// Returns the start of rays against the objects from a point on one of them.
     pub fn ray_start(&self, object: usize, position: Vec3, geometric_normal: Vec3) -> Vec3 {
-        position + geometric_normal * (RAY_START * self.objects[object].radius_m)
+        self.objects.ray_start(object, position, geometric_normal)
     }
 
     /// Returns the point from which to gather light for a point of an object: see [`Environment::lifted`].
@@ -191,7 +188,6 @@ impl Gatherer<'_> {
         let scales: Vec<f32> = receivers.iter().map(|r| if r.diffuse { PI / total(r) } else { 0.0 }).collect();
         let apex = |r: &Receiver| self.lifted(r.object, r.position);
         let apexes: Vec<Vec3> = receivers.iter().map(apex).collect();
-        let have_glass = self.objects.have_glass();
         // Direction by direction: rays and cones of neighbouring receivers are coherent.
         for &direction in self.directions {
             for (index, (receiver, gathered)) in receivers.iter().zip(gathered.iter_mut()).enumerate() {
@@ -203,7 +199,7 @@ impl Gatherer<'_> {
                 let above = receiver.geometric_normal.dot(direction) > 0.0;
                 let ray = Ray { origin: receiver.ray_start(self), direction };
                 let met = if above { self.objects.closest(&ray, f32::INFINITY) } else { None };
-                let passed = if above && have_glass {
+                let passed = if above {
                     self.objects.passed_share(&ray, met.map_or(f32::INFINITY, |met| met.hit.distance_m))
                 } else {
                     Vec3::ONE

@@ -3,7 +3,7 @@
 //! Camera rays follow refraction (`shade::refraction`). Light rays to other surfaces pass glass straight: it dims and
 //! tints them, so that its shadow is bright, but it does not focus them.
 
-use lo_bsdf::{dielectric_reflectance, schlick_weight};
+use lo_bsdf::{dielectric_reflectance, fresnel};
 use lo_geometry::Vec3;
 use lo_mesh::{Material, SurfacePoint, Volume};
 
@@ -104,6 +104,6 @@ impl Passed {
 
 /// Reflectance of one face of thin glass.
 fn pane_reflectance(point: &SurfacePoint, view: Vec3) -> f32 {
-    let f0 = lo_imaging::luminance(point.dielectric_f0);
-    f0 + (1.0 - f0) * schlick_weight(point.shading_normal.dot(view).clamp(0.0, 1.0))
+    let f0 = Vec3::splat(lo_imaging::luminance(point.dielectric_f0));
+    fresnel(f0, point.shading_normal.dot(view).clamp(0.0, 1.0)).x
 }

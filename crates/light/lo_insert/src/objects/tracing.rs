@@ -16,6 +16,9 @@ const INSIDE_DEPTH: f32 = 0.01;
 /// Distance from a surface at which rays into its own object start, as a share of its radius.
 const START: f32 = 1e-5;
 
+/// Distance from a surface at which rays against all objects start, as a share of its object's radius.
+const RAY_START: f32 = 2e-4;
+
 /// Smallest share of one object's points inside another for which the two intersect.
 const MIN_INSIDE: f32 = 0.01;
 
@@ -55,12 +58,13 @@ impl<'a> Objects<'a> {
 
     /// Returns the nearest surface, facing either way.
     pub fn first(&self, ray: &Ray) -> Option<ObjectHit> {
-        let mut nearest: Option<ObjectHit> = None;
-        for (object, candidate) in self.all.iter().enumerate() {
-            let before_m = nearest.map_or(f32::INFINITY, |nearest| nearest.hit.distance_m);
-            nearest = candidate.first(ray, before_m).map(|hit| ObjectHit { object, hit }).or(nearest);
-        }
-        nearest
+        self.nearest(f32::INFINITY, |object, before_m| object.first(ray, before_m))
+    }
+
+    /// Returns the start of rays against the objects from a point on object `index`, beside its surface on the side of
+    /// a unit normal.
+    pub fn ray_start(&self, index: usize, position: Vec3, normal: Vec3) -> Vec3 {
+        position + normal * (RAY_START * self.all[index].radius_m)
     }
 
     /// Returns the share of a straight ray's light that the objects' glass before `max_m` lets pass, linear RGB.
@@ -78,10 +82,15 @@ impl<'a> Objects<'a> {
 
     /// Returns the nearest surface before `max_m` that blocks light, facing either way.
     pub fn closest(&self, ray: &Ray, max_m: f32) -> Option<ObjectHit> {
+        self.nearest(max_m, |object, before_m| object.closest(ray, before_m))
+    }
+
+    /// Returns the nearest of the hits that `hit` finds on each object before a distance.
+    fn nearest(&self, max_m: f32, hit: impl Fn(&Object<'a>, f32) -> Option<Hit>) -> Option<ObjectHit> {
         let mut nearest: Option<ObjectHit> = None;
         for (object, candidate) in self.all.iter().enumerate() {
             let before_m = nearest.map_or(max_m, |nearest| nearest.hit.distance_m);
-            nearest = candidate.closest(ray, before_m).map(|hit| ObjectHit { object, hit }).or(nearest);
+            nearest = hit(candidate, before_m).map(|hit| ObjectHit { object, hit }).or(nearest);
         }
         nearest
     }

@@ -6,7 +6,7 @@ use lo_bsdf::{Ggx, dielectric_reflectance, refracted};
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::{SurfacePoint, Volume};
 
-use crate::objects::glass::{Sight, sight, transmission};
+use crate::objects::glass::transmission;
 use crate::objects::tracing::{ObjectHit, Objects};
 
 /// Boundaries that a ray crosses at most.
@@ -17,9 +17,6 @@ const MIN_SHARE: f32 = 0.03;
 
 /// Parts into which a ray is divided at most.
 const MAX_PARTS: usize = 4;
-
-/// Distance from a surface at which the next part of a ray starts, as a share of the object's radius.
-const START: f32 = 2e-4;
 
 /// GGX α below which a surface is smooth.
 const SMOOTH_ALPHA: f32 = 0.002;
@@ -97,7 +94,7 @@ impl RefractedRays<'_> {
             let distance_m = met.hit.distance_m;
             let absorbed = part.inside.map_or(Vec3::ONE, |volume| Vec3::from(volume.transmittance(distance_m)));
             let share = share * absorbed;
-            let through = if sight(&point) == Sight::Opaque { 0.0 } else { transmission(&point) };
+            let through = transmission(&point);
             if through < 1.0 && (through > 0.0 || point.alpha >= 0.5) {
                 kept += part.clear * (1.0 - through);
                 ends.push(RayEnd { ray, object, met: Some(met), share: share * (1.0 - through), spread });
@@ -124,7 +121,7 @@ impl RefractedRays<'_> {
     /// Adds the parts of a ray that a boundary lets pass and reflects.
     fn divide(&self, part: Part, object: usize, point: &SurfacePoint, divided: &mut usize, parts: &mut Vec<Part>) {
         let (direction, normal) = (part.ray.direction, point.shading_normal);
-        if sight(point) == Sight::Opaque {
+        if transmission(point) == 0.0 {
             // A hole in a mask.
             let ray = self.start(object, point, direction, -point.geometric_normal);
             parts.push(Part { ray, object, boundaries: part.boundaries + 1, ..part });
@@ -182,7 +179,7 @@ impl RefractedRays<'_> {
     fn start(&self, object: usize, point: &SurfacePoint, direction: Vec3, side: Vec3) -> Ray {
         let above = side.dot(direction);
         let direction = if above > 1e-3 { direction } else { (direction + side * (1e-3 - above)).normalize_or(side) };
-        Ray { origin: point.position + side * (START * self.0[object].radius_m), direction }
+        Ray { origin: self.0.ray_start(object, point.position, side), direction }
     }
 }
 

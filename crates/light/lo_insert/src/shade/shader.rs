@@ -153,6 +153,9 @@ impl Shader<'_> {
             (0..fragments.len()).filter(|&i| !fragments[i].point.unlit && is_chosen(&fragments[i])).collect()
         };
         let glass = chosen(|fragment| sight(&fragment.point) == Sight::Traced);
+        if !glass.is_empty() {
+            self.gatherer.environment.prepare_behind();
+        }
         let coated = chosen(|fragment| fragment.point.clearcoat > 0.0);
         let steps = receivers.len() + wanted.len() + glass.len() + coated.len();
         let mut batches = Batches::new(on_event, stages::SHADING, steps);
