@@ -10,6 +10,7 @@ pub mod cli;
 pub mod commands;
 mod depth_units;
 pub mod interrupt;
+mod numbered_name;
 pub mod output;
 pub mod progress;
 pub mod report;

@@ -2,6 +2,7 @@
 
 use lightoctree::Warning;
 use lightoctree::events::{EstimateWarning, InsertWarning, PanoramaWarning};
+use lightoctree::footage::ShotWarning;
 
 /// Returns the message of a warning. `objects` are the names of the inserted objects, used if there are several.
 pub fn warning_text(warning: &dyn Warning, objects: &[String]) -> String {
@@ -26,6 +27,12 @@ fn hint(warning: &dyn Warning) -> Option<String> {
     }
     if let Some(warning) = warning.downcast_ref() {
         return insert_hint(warning);
+    }
+    if let Some(warning) = warning.downcast_ref() {
+        return Some(match warning {
+            ShotWarning::ScaleUnknown => "; --track-scale sets it".to_owned(),
+            ShotWarning::OtherLens { .. } => "; estimate it again with --intrinsics FILE of the track".to_owned(),
+        });
     }
     match warning.downcast_ref()? {
         PanoramaWarning::PoorMatch { yaw_deg, .. } => Some(format!(

@@ -299,8 +299,33 @@ pub mod mesh {
 pub mod insert {
     pub use lo_insert::{
         Align, Anchor, Base, Composite, Cryptomatte, Ground, InsertError, Inserter, Instance, Interpolation, Keyframe,
-        Layout, LayoutObject, Lighting, Passes, Path, PathSource, Placement, Quality, Unit, surface_at_pixel,
+        Layout, LayoutObject, Lighting, Passes, Path, PathSource, Placement, Plate, Quality, Unit, surface_at_pixel,
     };
+}
+
+/// Footage: the room of a scene seen by a moving camera.
+///
+/// ```no_run
+/// use lightoctree::footage::Shot;
+/// use lightoctree::insert::{Inserter, Instance, Lighting, Placement, Quality};
+/// use lightoctree::{Document, LightPurpose, events, imaging};
+///
+/// # let (sphere, placement, track): (_, Placement, Vec<lightoctree::geometry::RigidTransform>) = todo!();
+/// # let sphere: lightoctree::model::PreparedModel = sphere;
+/// let lit = Document::read("room.scene")?.lit(LightPurpose::Objects { at_m: placement.position_m })?;
+/// let inserter = Inserter::new(&lit, Lighting::Octree, Quality::Normal)?;
+/// let mut shot = Shot::new(&lit, &track, 0)?;
+/// for index in 0..track.len() {
+///     let photo = imaging::read_photo(format!("shot_{index:04}.jpg"))?.photo;
+///     let camera = lit.frame.camera.resized(photo.width() as u32, photo.height() as u32);
+///     let plate = shot.plate(index, photo, camera, None, None)?;
+///     let composite = inserter.on_plate(&plate).render(&[Instance::new(&sphere, placement)], &mut events::ignore)?;
+///     imaging::write_photo(format!("out_{index:04}.png"), &composite.image, "my program")?;
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod footage {
+    pub use lo_footage::{ScaleFit, SceneSurfaces, Shot, ShotError, ShotWarning, likeness};
 }
 
 /// 3D scenes for other programs.

@@ -1,5 +1,6 @@
 //! `lightoctree insert SCENE`: inserts virtual objects into the photo.
 
+mod footage;
 mod map;
 mod objects;
 
@@ -16,6 +17,7 @@ use lo_mesh::{Material, PreparedModel};
 use lo_scene::ObjectDisplay;
 use serde_json::json;
 
+use self::footage::{Footage, FootageArgs, PlateFiles};
 use self::map::MapArgs;
 use self::objects::ObjectArgs;
 use super::light::LightArgs;
@@ -23,9 +25,10 @@ use super::parse;
 use super::video::{self, Video};
 use crate::args::Global;
 use crate::choice::{Choice, choice};
+use crate::numbered_name::NumberedName;
 use crate::progress::{Stages, bar, seconds};
 use crate::usage::Usage;
-use crate::{interrupt, output, report};
+use crate::{interrupt, numbered_name, output, report};
 
 /// Options of `insert`.
 #[derive(Debug, clap::Args)]
@@ -36,6 +39,8 @@ use crate::{interrupt, output, report};
     lightoctree insert room.scene --layout objects.json -o several.png\n  \
     lightoctree insert room.scene -o as_saved.png\n  \
     lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o frames/car_%04d.png\n  \
+    lightoctree insert room.scene --mesh vase.glb --pixel 900,1200 --plate 'shot_%04d.jpg' --camera transforms.json \
+    -o comp_%04d.png\n  \
     lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o - | ffmpeg -i - \
     -colorspace bt709 -color_trc iec61966-2-1 -color_primaries bt709 -pix_fmt yuv420p car.mp4\n\n\
     --material NAME|JSON: a name listed by --list-materials, or an object such as\n  \
@@ -53,8 +58,11 @@ pub struct Args {
     #[arg(long)]
     list_materials: bool,
 
+    #[command(flatten)]
+    footage: FootageArgs,
+
     /// Number of frames along the paths [default: as saved by the viewer with the scene's own objects]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000), conflicts_with = "plate")]
     frames: Option<u32>,
 
     /// Frames per second of a video [default: 24, or as saved by the viewer with the scene's own objects]
@@ -137,7 +145,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         return Err(Usage("SCENE and --output are required".into()).into());
     };
     let mut stages = Stages::new(global.quiet);
-    let Request { layout, source, shown, frames, map } = Request::read(args, scene, output, &stages)?;
+    let Request { layout, source, shown, frames, plates, map } = Request::read(args, scene, output, &stages)?;
     stages.name_objects(&names(&layout));
     let (mut document, models) = read(scene, &layout, source, &mut stages)?;
     let objects = Objects::place(&layout, &models, &document.estimate, frames.len())?;
@@ -163,15 +171,24 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         shadow_strength: args.shadow_strength as f32,
     };
     let fallback = match &frames[..] {
-        [_] if args.quality == Quality::High => light.fallback(&objects, args.layers.is_some(), &mut stages)?,
+        [_] if args.quality == Quality::High && plates.is_none() => {
+            light.fallback(&objects, args.layers.is_some(), &mut stages)?
+        }
         _ => None,
     };
     let inserter = stages.stage("prepare light", || light.inserter(args.quality))?;
-    let size = (scene.frame.photo.width(), scene.frame.photo.height());
+    let mut footage = match &plates {
+        Some(plates) => Some(args.footage.open(plates, &scene, &objects.positions_m(), &mut stages)?),
+        None => None,
+    };
+    let size = match &footage {
+        Some(footage) => footage.size()?,
+        None => (scene.frame.photo.width(), scene.frame.photo.height()),
+    };
     let fps = args.fps.unwrap_or(shown.fps);
     let video = Video::is_video(output).then(|| Video::create(output, size, fps)).transpose()?;
     let job = FrameJob { inserter: &inserter, objects: &objects, frames: &frames, time_limit_s: args.time_limit };
-    let (count, mut written) = job.render_and_write(fallback, video, &mut stages)?;
+    let (count, mut written) = job.render_and_write(fallback, footage.as_mut(), video, &mut stages)?;
     if Video::is_video(output) {
         written.push(output.clone());
     }
@@ -191,6 +208,8 @@ struct Request {
     /// How the objects are shown, as saved in the scene.
     shown: ObjectDisplay,
     frames: Vec<FrameFiles>,
+    /// Images of a moving camera, one for each frame.
+    plates: Option<PlateFiles>,
     /// The map that lights the objects instead of the octree.
     map: Option<RadianceImage>,
 }
@@ -227,15 +246,19 @@ impl Request {
                 (layout, ObjectSource::Scene(Box::new(document)), Some(shown))
             }
         };
-        let count = frame_count(args, &layout, saved)?;
-        let frames = frame_files(args, output, count, layout.moves())?;
+        let plates = args.footage.plates()?;
+        let numbers: Vec<usize> = match &plates {
+            Some(plates) => plates.numbers(),
+            None => (0..frame_count(args, &layout, saved)?).collect(),
+        };
+        let frames = frame_files(args, output, &numbers, layout.moves() || plates.is_some())?;
         let map = args.map.read(stages)?;
         if map.is_some() && args.light.is_given() {
             let message =
                 "--light, --contrast, --warmth and --white apply to the octree's light; --lighting replaces it";
             return Err(Usage(message.into()).into());
         }
-        Ok(Self { layout, source, shown: saved.unwrap_or_default(), frames, map })
+        Ok(Self { layout, source, shown: saved.unwrap_or_default(), frames, plates, map })
     }
 }
 
@@ -286,10 +309,14 @@ impl<'a> Objects<'a> {
         placed.map(|((model, placements), name)| Instance::in_sequence(model, placements, frame).named(name)).collect()
     }
 
+    /// Returns the positions in the first frame.
+    fn positions_m(&self) -> Vec<Vec3> {
+        self.placements.iter().map(|placements| placements[0].position_m).collect()
+    }
+
     /// Returns the mean position in the first frame.
     fn centre_m(&self) -> Vec3 {
-        let positions = self.placements.iter().map(|placements| placements[0].position_m);
-        positions.sum::<Vec3>() / self.placements.len() as f32
+        self.positions_m().into_iter().sum::<Vec3>() / self.placements.len() as f32
     }
 }
 
@@ -360,6 +387,7 @@ impl FrameJob<'_> {
     fn render_and_write(
         &self,
         mut fallback: Option<Fallback>,
+        mut footage: Option<&mut Footage<'_>>,
         mut video: Option<Video>,
         stages: &mut Stages,
     ) -> anyhow::Result<(usize, Vec<PathBuf>)> {
@@ -367,7 +395,12 @@ impl FrameJob<'_> {
         let mut reported = Reported::default();
         let progress = bar(stages.is_quiet() || self.frames.len() == 1, self.frames.len(), "frames");
         for FrameFiles { composite: file, layers } in self.frames {
-            let composite = self.render(count, &mut fallback, &mut reported, stages)?;
+            let on_plate = match &mut footage {
+                Some(footage) => Some(self.inserter.on_plate(&footage.plate(count)?)),
+                None => None,
+            };
+            let inserter = on_plate.as_ref().unwrap_or(self.inserter);
+            let composite = self.render(inserter, count, &mut fallback, &mut reported, stages)?;
             let Some(composite) = composite else { break };
             match &mut video {
                 Some(video) => video.add(&composite.image)?,
@@ -393,6 +426,7 @@ impl FrameJob<'_> {
     /// Renders a frame. If that is cancelled, by Ctrl-C or the time limit, returns the fallback.
     fn render(
         &self,
+        inserter: &Inserter,
         frame: usize,
         fallback: &mut Option<Fallback>,
         reported: &mut Reported,
@@ -407,7 +441,7 @@ impl FrameJob<'_> {
             Event::Warning(warning) if reported.is_new(&*warning, frame) => stages.handle(Event::Warning(warning)),
             _ => interrupt::control_flow(),
         };
-        match self.inserter.render(&self.objects.instances(frame), on_event) {
+        match inserter.render(&self.objects.instances(frame), on_event) {
             Err(InsertError::Cancelled(_)) => {
                 let Some((composite, warnings)) = fallback.take() else { return Ok(None) };
                 stages.clear_bar();
@@ -530,16 +564,18 @@ fn with_hint(error: InsertError) -> anyhow::Error {
 }
 
 /// Determines the output files of each frame, and checks that they can be written.
-fn frame_files(args: &Args, output: &Path, count: usize, is_sequence: bool) -> anyhow::Result<Vec<FrameFiles>> {
+fn frame_files(args: &Args, output: &Path, numbers: &[usize], is_sequence: bool) -> anyhow::Result<Vec<FrameFiles>> {
     let is_video = Video::is_video(output);
     if is_video && !is_sequence {
-        return Err(Usage(format!("--output {}: a video requires --path and --frames", output.display())).into());
+        return Err(
+            Usage(format!("--output {}: a video requires --path and --frames, or --plate", output.display())).into()
+        );
     }
     if video::is_stdout(output) && args.json {
         return Err(Usage("--json and a video cannot both go to standard output".into()).into());
     }
-    (0..count)
-        .map(|frame| {
+    (numbers.iter())
+        .map(|&frame| {
             let name = |path: &Path, option: &str, numbered: bool| match numbered {
                 true => frame_name(path, option, frame),
                 false => single_name(path, option),
@@ -559,29 +595,17 @@ fn frame_files(args: &Args, output: &Path, count: usize, is_sequence: bool) -> a
 
 /// Returns the file name of a single image or video, which contains no `%d` or `%0Nd`.
 fn single_name(path: &Path, option: &str) -> anyhow::Result<PathBuf> {
-    let text = unicode(path, option)?;
+    let text = numbered_name::unicode(path, option)?;
     if text.contains("%d") || text.contains("%0") {
-        let reason = "one image needs no frame number; give --path for several";
+        let reason = "one image needs no frame number; give --path or --plate for several";
         return Err(Usage(format!("{option} {text}: {reason}")).into());
     }
     Ok(path.to_owned())
 }
 
-/// Replaces `%d` or `%0Nd` by the frame's number, counted from 0.
+/// Replaces `%d` or `%0Nd` by the frame's number.
 fn frame_name(pattern: &Path, option: &str, frame: usize) -> anyhow::Result<PathBuf> {
-    let text = unicode(pattern, option)?;
-    let wrong = || Usage(format!("{option} {text}: a sequence requires one %d or %04d in the file name"));
-    let (before, rest) = text.split_once('%').ok_or_else(wrong)?;
-    let (digits, after) = rest.split_once('d').ok_or_else(wrong)?;
-    if after.contains('%') || !(digits.is_empty() || (digits.starts_with('0') && digits.len() == 2)) {
-        return Err(wrong().into());
-    }
-    let width = digits.parse::<usize>().unwrap_or(0);
-    Ok(PathBuf::from(format!("{before}{frame:0width$}{after}")))
-}
-
-fn unicode<'a>(path: &'a Path, option: &str) -> anyhow::Result<&'a str> {
-    Ok(path.to_str().ok_or_else(|| Usage(format!("{option}: the file name is not valid Unicode")))?)
+    Ok(NumberedName::parse(pattern, option)?.name(frame))
 }
 
 fn write_layers(path: &Path, composite: &Composite) -> anyhow::Result<()> {

@@ -174,6 +174,15 @@ pub fn exposure_ev(text: &str) -> Result<f64, String> {
     within(text, 40.0, "stops")
 }
 
+/// Parses `FIRST-LAST`, two numbers of frames in order.
+pub fn number_range(text: &str) -> Result<[u32; 2], String> {
+    let wrong = || format!("`{text}` is not FIRST-LAST, such as 1001-1048");
+    let (first, last) = text.split_once('-').ok_or_else(wrong)?;
+    let [first, last] = [first, last].map(|number| number.trim().parse::<u32>().map_err(|_| wrong()));
+    let range = [first?, last?];
+    if range[0] <= range[1] { Ok(range) } else { Err(format!("{} is after {}", range[0], range[1])) }
+}
+
 fn up_to(text: &str, limit: f64) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.0..=limit).contains(&value) => Ok(value),

@@ -7,6 +7,7 @@ mod cli;
 #[cfg(feature = "depth-models")]
 mod depth_models;
 #[cfg(all(feature = "depth-models", feature = "weights"))]
+mod footage;
 mod given_input;
 mod hostile;
 mod kept_work;

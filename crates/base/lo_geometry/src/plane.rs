@@ -1,7 +1,7 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use crate::Ray;
+use crate::{Ray, RigidTransform};
 
 /// The plane of all points `p` with `normal · p = offset_m`, for a normal of unit length.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,6 +31,11 @@ impl Plane {
         point - self.normal * self.signed_distance_m(point)
     }
 
+    /// Returns the plane in other axes.
+    pub fn moved(&self, to_from: &RigidTransform) -> Self {
+        Self::through(to_from.point(self.normal * self.offset_m), to_from.direction(self.normal))
+    }
+
     /// Returns the distance at which a ray hits the plane, in metres; `None` if it runs parallel to it or away from it.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<f32> {
@@ -42,6 +47,10 @@ impl Plane {
 
 #[cfg(test)]
 mod tests {
+    use std::f32::consts::FRAC_PI_2;
+
+    use glam::Quat;
+
     use super::*;
 
     #[test]
@@ -52,5 +61,12 @@ mod tests {
         assert_eq!(floor.intersect(&Ray { origin: Vec3::ZERO, direction: Vec3::NEG_Y }), Some(1.5));
         assert_eq!(floor.intersect(&Ray { origin: Vec3::ZERO, direction: Vec3::Y }), None);
         assert_eq!(floor.intersect(&Ray { origin: Vec3::ZERO, direction: Vec3::X }), None);
+        let turn =
+            RigidTransform { rotation: Quat::from_rotation_z(FRAC_PI_2), translation_m: Vec3::new(1.0, 2.0, 0.0) };
+        let moved = floor.moved(&turn);
+        for point in [Vec3::new(3.0, -1.5, 2.0), Vec3::new(-4.0, 0.5, 1.0)] {
+            let distances_m = (moved.signed_distance_m(turn.point(point)), floor.signed_distance_m(point));
+            assert!((distances_m.0 - distances_m.1).abs() < 1e-5, "{distances_m:?}");
+        }
     }
 }

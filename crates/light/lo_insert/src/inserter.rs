@@ -3,7 +3,7 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use lo_events::{Cancelled, OnEvent, progress, stage, stage_of_steps, warn};
-use lo_geometry::{Vec2, Vec3};
+use lo_geometry::{Plane, Vec2, Vec3};
 use lo_imaging::{BlackBars, Image, Photo, RadianceImage};
 use lo_scene::{DistortedPhoto, Frame, LitScene};
 use rayon::prelude::*;
@@ -18,6 +18,7 @@ use crate::objects::patches::{self, patches};
 use crate::objects::size::RoomSize;
 use crate::objects::tracing::Objects;
 use crate::placement_check::{ObjectVisibility, PlacementCheck};
+use crate::plate::{Plate, PlatePose};
 use crate::quality::Counts;
 use crate::shade::composite::{Composite, Layers};
 use crate::shade::gloss::Gloss;
@@ -48,18 +49,19 @@ pub struct Inserter {
     /// The photo as its lens took it, of which composites are made.
     distorted: Option<(Arc<DistortedPhoto>, Arc<Redistortion>)>,
     environment: Environment,
-    occluders: Occluders,
-    /// Shadow for the light that real surfaces near the objects reflect to them.
-    coarse: ShadowField,
-    fine: ShadowField,
+    surfaces: Surfaces,
     directions: Vec<Vec3>,
     counts: Counts,
     /// Cube of the octree, for warnings.
     cube: lo_geometry::Cube,
     /// Extent of the room, for warnings.
     room: RoomSize,
-    /// Unit vector against gravity.
+    /// Unit vector against gravity, in the scene's axes.
     up: Vec3,
+    /// The floor, in the scene's axes.
+    floor: Option<Plane>,
+    /// Pose of the camera of a plate; `None` for the scene's own photo.
+    pose: Option<PlatePose>,
     /// Gloss of the supporting surface; 0 for no reflection.
     floor_gloss: f32,
     /// Exponent of the shadow ratio.
@@ -68,6 +70,36 @@ pub struct Inserter {
     look: Option<Look>,
     /// Whether composites have passes.
     passes: bool,
+}
+
+/// Real surfaces that the photo shows, as occluders and as receivers of shadow.
+struct Surfaces {
+    occluders: Occluders,
+    /// Shadow for the light that real surfaces near the objects reflect to them.
+    coarse: ShadowField,
+    fine: ShadowField,
+}
+
+impl Surfaces {
+    fn new(
+        frame: &Frame,
+        predicted_depth: bool,
+        up: Vec3,
+        floor: Option<Plane>,
+        environment: &Environment,
+        counts: &Counts,
+    ) -> Self {
+        // Flying pixels receive no light, but without them an occluder's edge would have gaps.
+        let given = without_photo(frame);
+        let clean = given.without_flying_pixels();
+        let surfaces = SurfaceMap::new(&clean);
+        let field = |side| ShadowField::new(surfaces.resampled(&clean, side), up, floor, environment, counts);
+        Self {
+            occluders: Occluders::new(&surfaces, &given, predicted_depth),
+            coarse: field(counts.coarse_shadow_side),
+            fine: field(counts.shadow_side),
+        }
+    }
 }
 
 impl Inserter {
@@ -92,15 +124,9 @@ impl Inserter {
     pub fn unprepared(scene: &LitScene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
         let counts = quality.counts();
         let environment = Environment::new(scene, lighting, &counts)?;
-        // Flying pixels receive no light, but without them an occluder's edge would have gaps.
-        let given = without_photo(&scene.frame);
-        let clean = given.without_flying_pixels();
-        let surfaces = SurfaceMap::new(&clean);
-        let occluders = Occluders::new(&surfaces, &given, scene.origin.predicted_depth);
         let up = scene.up();
         let floor = scene.room.as_ref().and_then(|room| room.floor());
-        let field = |side| ShadowField::new(surfaces.resampled(&clean, side), up, floor, &counts);
-        let (coarse, fine) = (field(counts.coarse_shadow_side), field(counts.shadow_side));
+        let surfaces = Surfaces::new(&scene.frame, scene.origin.predicted_depth, up, floor, &environment, &counts);
         Ok(Self {
             bars: scene.black_bars(),
             distorted: scene
@@ -109,14 +135,14 @@ impl Inserter {
                 .map(|distorted| (Arc::clone(distorted), Arc::new(Redistortion::new(&distorted.undistortion)))),
             frame: scene.frame.clone(),
             environment,
-            occluders,
-            coarse,
-            fine,
+            surfaces,
             directions: lo_geometry::fibonacci_sphere(counts.diffuse_cones),
             counts,
             cube: scene.light.cube,
             room: RoomSize::new(scene),
             up,
+            floor,
+            pose: None,
             floor_gloss: 0.0,
             shadow_strength: 1.0,
             look: None,
@@ -126,8 +152,8 @@ impl Inserter {
 
     /// Gathers the light on all real surfaces in advance.
     pub fn prepare(&self) {
-        self.coarse.prepare(&self.environment);
-        self.fine.prepare(&self.environment);
+        self.surfaces.coarse.prepare(&self.environment);
+        self.surfaces.fine.prepare(&self.environment);
     }
 
     /// Sets a glossy support: a clear coat of perceptual roughness 1 − `floor_gloss` that mirrors the objects. With
@@ -180,6 +206,33 @@ impl Inserter {
         if self.look.is_some() { self.with_photo_look() } else { self }
     }
 
+    /// Prepares an image of a moving camera. Settings stay, and the look is that of the plate. Light on its surfaces is
+    /// gathered on demand.
+    #[must_use]
+    pub fn on_plate(&self, plate: &Plate) -> Self {
+        let pose = PlatePose::new(plate);
+        let camera_from_room = plate.room_from_camera.inverse();
+        let environment = self.environment.seen_from(plate.room_from_camera);
+        let (up, floor) = (camera_from_room.direction(self.up), self.floor.map(|floor| floor.moved(&camera_from_room)));
+        let surfaces = Surfaces::new(&plate.frame, plate.predicted_depth, up, floor, &environment, &self.counts);
+        let size = |photo: &Photo| [photo.width(), photo.height()];
+        let inserter = Self {
+            bars: self.bars.map(|bars| bars.resized(size(&self.frame.photo), size(&plate.frame.photo))),
+            distorted: plate
+                .distorted
+                .as_ref()
+                .map(|distorted| (Arc::clone(distorted), Arc::new(Redistortion::new(&distorted.undistortion)))),
+            frame: plate.frame.clone(),
+            directions: environment.fixed_in_room(lo_geometry::fibonacci_sphere(self.counts.diffuse_cones)),
+            environment,
+            surfaces,
+            pose: Some(pose),
+            look: None,
+            ..*self
+        };
+        if self.look.is_some() { inserter.with_photo_look() } else { inserter }
+    }
+
     /// Renders one image with objects that shadow, hide, light and mirror one another. Their order does not matter;
     /// without objects the image is the photo. A hidden object only casts its shadow, with a warning.
     ///
@@ -187,6 +240,15 @@ impl Inserter {
     /// [`InsertError::Object`] if a number of a placement is invalid or a model has no extent;
     /// [`Cancelled`](lo_events::Cancelled) if `on_event` cancels.
     pub fn render(&self, instances: &[Instance], on_event: OnEvent<'_>) -> Result<Composite, InsertError> {
+        if let Some(pose) = &self.pose {
+            let seen: Vec<Instance> = instances.iter().map(|instance| pose.seen(instance)).collect();
+            return self.render_seen(&seen, on_event);
+        }
+        self.render_seen(instances, on_event)
+    }
+
+    /// [`render`](Self::render) with objects in the camera's axes.
+    fn render_seen(&self, instances: &[Instance], on_event: OnEvent<'_>) -> Result<Composite, InsertError> {
         let objects = Objects::new(instances)?;
         let counts = &self.counts;
         let lights = object_lights(&self.environment, &objects, counts.object_lights, counts.share_light_visibility);
@@ -218,7 +280,7 @@ impl Inserter {
             backdrops: &backdrops,
             radiosity,
         };
-        let coarse = self.coarse.ratio(&caster(None), stages::COARSE_SHADOW, on_event)?;
+        let coarse = self.surfaces.coarse.ratio(&caster(None), stages::COARSE_SHADOW, on_event)?;
         let patches = patches(&objects, counts.patches);
         let radiosity = stage_of_steps(on_event, stages::RADIOSITY, |on_event| {
             let direct = patches::radiosity(&gatherer(Some(&coarse), None), &patches);
@@ -227,10 +289,10 @@ impl Inserter {
             Ok::<_, Cancelled>(patches::radiosity(&reflected, &patches))
         })?;
         let shadow = if counts.refines_shadow {
-            let smooth = self.coarse.ratio(&caster(Some(&radiosity)), stages::COARSE_SHADOW, on_event)?;
-            self.fine.refined(&smooth, &caster(Some(&radiosity)), stages::FINE_SHADOW, on_event)?
+            let smooth = self.surfaces.coarse.ratio(&caster(Some(&radiosity)), stages::COARSE_SHADOW, on_event)?;
+            self.surfaces.fine.refined(&smooth, &caster(Some(&radiosity)), stages::FINE_SHADOW, on_event)?
         } else {
-            self.fine.ratio(&caster(Some(&radiosity)), stages::FINE_SHADOW, on_event)?
+            self.surfaces.fine.ratio(&caster(Some(&radiosity)), stages::FINE_SHADOW, on_event)?
         };
 
         let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
@@ -240,18 +302,21 @@ impl Inserter {
         let (seen, passes) =
             self.shade_objects(gatherer(Some(&shadow), Some(&radiosity)), &names, &mut layers, on_event)?;
         let check = PlacementCheck {
-            occluders: &self.occluders,
+            occluders: &self.surfaces.occluders,
             camera: &self.frame.camera,
             cube: &self.cube,
             room: &self.room,
             up: self.up,
         };
-        check.warnings(instances, &objects, &seen).try_for_each(|warning| warn(on_event, warning))?;
+        // On a plate, its surfaces are those that the scene's own photo was checked with.
+        if self.pose.is_none() {
+            check.warnings(instances, &objects, &seen).try_for_each(|warning| warn(on_event, warning))?;
+        }
         let gloss = (self.floor_gloss > 0.0).then(|| Gloss {
             objects: &objects,
             environment: &self.environment,
             radiosity: &radiosity,
-            occluders: &self.occluders,
+            occluders: &self.surfaces.occluders,
             camera: self.frame.camera,
             roughness: 1.0 - self.floor_gloss,
             samples: counts.gloss_samples,
@@ -304,10 +369,10 @@ impl Inserter {
         let (view, occluder_colours) = stage(on_event, stages::VISIBILITY, || {
             let colour = |pixel| self.colour(pixel);
             let matte = |(object, window): (&Object, &Option<_>)| {
-                window.map(|window| Matte::new(&camera, object, &self.occluders, colour, window))
+                window.map(|window| Matte::new(&camera, object, &self.surfaces.occluders, colour, window))
             };
             let mattes: Vec<Option<Matte>> = objects.iter().zip(&windows).map(matte).collect();
-            let (occluders, adaptive_coverage) = (&self.occluders, self.counts.adaptive_coverage);
+            let (occluders, adaptive_coverage) = (&self.surfaces.occluders, self.counts.adaptive_coverage);
             let viewer =
                 RayCaster { camera, objects, occluders, mattes: &mattes, samples: &samples, adaptive_coverage };
             let views: Vec<TileView> = tiles.into_par_iter().map(|tile| viewer.tile(tile)).collect();
@@ -349,7 +414,11 @@ impl Inserter {
                 moved.map_or([Vec3::ZERO; 2], |[previous, next]| [at(next) - at(point), at(point) - at(previous)])
             };
             let motion = objects.iter().any(Object::moves).then_some(&motion as &MotionOf);
-            PassImages::new(&view, &shaded, [width, height], names, material, motion, &add)
+            let passes = PassImages::new(&view, &shaded, [width, height], names, material, motion, &add);
+            match &self.pose {
+                Some(pose) => passes.in_room(&pose.room_from_camera),
+                None => passes,
+            }
         });
         for (pixel, (sum, count)) in occluder_colours {
             let linear = |colour: Vec3| Vec3::from(colour.to_array().map(lo_imaging::linear_from_srgb));
@@ -410,7 +479,7 @@ impl Inserter {
             let v = (y as f32 + 0.5) / height as f32;
             for (x, ratio) in row.iter_mut().enumerate().take(right).skip(left) {
                 let u = (x as f32 + 0.5) / width as f32;
-                let seen = || Some(self.occluders.at(f64::from(u), f64::from(v))?.position_m);
+                let seen = || Some(self.surfaces.occluders.at(f64::from(u), f64::from(v))?.position_m);
                 *ratio = shadow.for_photo(u, v, seen).to_array();
                 if self.shadow_strength != 1.0 {
                     *ratio = ratio.map(|share| share.max(0.0).powf(self.shadow_strength));

@@ -15,6 +15,9 @@
 //! 6. *Composite*: photo × ratio, with the objects' reflection in glossy supports (`gloss`), under the objects
 //!    (`composite`), which may get the photo's sharpness and grain (`look`).
 //!
+//! [`Inserter::on_plate`] does the same in an image of a moving camera. Light and placements stay in the axes of the
+//! scene (`environment`, `plate`); surfaces, shadow and image belong to the plate.
+//!
 //! All sample patterns are fixed in the world, on an object or on the pixel grid. Nothing is random, so sequences do
 //! not flicker.
 
@@ -27,6 +30,7 @@ mod matte;
 mod objects;
 mod pattern;
 mod placement_check;
+mod plate;
 mod quality;
 mod shade;
 mod shadow;
@@ -45,6 +49,7 @@ pub use objects::layout::{Layout, LayoutObject, PathSource};
 pub use objects::path::{Interpolation, Keyframe, Path, PathPlacement};
 pub use objects::placement::{Align, Placement};
 pub use objects::unit::Unit;
+pub use plate::Plate;
 pub use quality::Quality;
 pub use shade::composite::Composite;
 pub use shade::cryptomatte::Cryptomatte;

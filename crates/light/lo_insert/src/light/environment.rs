@@ -1,295 +1,135 @@
-use std::sync::OnceLock;
+use std::borrow::Cow;
+use std::sync::Arc;
 
-use lo_cone::{Cone, ConeSample, ConeTracer, Sampling, Settings};
-use lo_geometry::{Plane, Vec3};
-use lo_imaging::RadianceImage;
-use lo_lights::AnalyticLights;
-use lo_lookup::{Detail, PanoramaLookup, PhotoLookup, RadianceMap};
+use lo_cone::{Cone, ConeSample};
+use lo_geometry::{Plane, RigidTransform, Vec3};
 use lo_scene::LitScene;
 
-use crate::light::map;
+use crate::light::room_light::{LightPart, LightRay, RoomLight};
 use crate::light::samples::Lights;
 use crate::quality::Counts;
 use crate::surface::observed_surfaces::Surface;
 use crate::{InsertError, Lighting};
 
-/// Number of light samples; subsets of them are used.
-const LIGHT_SAMPLES: usize = 1024;
-
-/// Half-angle tangent of shadow rays.
-const SHADOW_RAY_TANGENT: f32 = 0.01;
-
-/// Height in leaf edges above a real surface from which light is gathered; surfaces fill their leaves up to one edge.
-const LIFT_EDGES: f32 = 1.5;
-
-/// Light on the objects: the lighting octree or a map at infinity, with its main lights split off.
+/// Light on the objects, in the axes of the camera that sees them: the light of the room, and where the camera is.
+#[derive(Clone)]
 pub(crate) struct Environment {
-    source: EnvironmentSource,
-    lights: Lights,
+    room: Arc<RoomLight>,
+    /// The main lights, in the camera's axes.
+    lights: Arc<Lights>,
+    /// Pose of the camera; `None` for the scene's own, whose axes are the room's.
+    pose: Option<Pose>,
+    /// Whether reflections have the photo's detail where nothing is observed.
+    with_detail: bool,
     /// Height in metres above a real surface from which light is gathered.
     pub lift_m: f32,
 }
 
-enum EnvironmentSource {
-    Octree {
-        whole: Box<ConeTracer>,
-        /// Reads `whole` interpolated between node centres, for reflections.
-        smooth: Box<ConeTracer>,
-        /// Reads the octree without the light samples, interpolated: cones start at the object and must not jump as
-        /// it moves.
-        rest: Box<ConeTracer>,
-        lookups: Option<Box<Lookups>>,
-        /// Lights outside of the octree, added by the user.
-        added: Option<Box<AnalyticLights>>,
-        leaf_edge_m: f32,
-    },
-    Map {
-        whole: RadianceMap,
-        rest: RadianceMap,
-        /// The real surfaces and the photo of them, which glass shows.
-        behind: Option<Box<Behind>>,
-    },
-}
-
-/// Real surfaces behind glass under a map at infinity.
-struct Behind {
-    scene: LitScene,
-    tracer: ConeTracer,
-    /// Made for the first glass, because it takes some tenths of a second.
-    photo: OnceLock<PhotoLookup>,
-}
-
-/// Lookups that sharpen reflections beyond the octree's resolution.
-struct Lookups {
-    photo: PhotoLookup,
-    panorama: Option<PanoramaLookup>,
-    /// Detail where neither photo nor panorama observes anything.
-    detail: Option<Detail>,
-}
-
-impl Lookups {
-    fn new(scene: &LitScene, tracer: &ConeTracer) -> Self {
-        let photo = PhotoLookup::new(scene, tracer);
-        let detail = Detail::new(scene, &photo);
-        Self { photo, panorama: PanoramaLookup::new(scene, tracer), detail }
-    }
-}
-
-/// A shadow ray from a point to a light sample.
-pub(crate) struct LightRay {
-    /// The lit point.
-    pub place: Vec3,
-    /// Start of the ray, above the leaves of the surface there.
-    pub apex: Vec3,
-    pub direction: Vec3,
-    /// Distance to the light; infinite for lights at infinity.
-    pub distance_m: f32,
-}
-
-/// Part of the light that is gathered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum LightPart {
-    /// All light.
-    All,
-    /// The light without that of the light samples.
-    Rest,
+/// Pose of a camera in the room.
+#[derive(Clone, Copy)]
+struct Pose {
+    room_from_camera: RigidTransform,
+    camera_from_room: RigidTransform,
 }
 
 impl Environment {
     pub fn new(scene: &LitScene, lighting: Lighting, counts: &Counts) -> Result<Self, InsertError> {
-        match lighting {
-            Lighting::Octree => Self::from_octree(scene, counts),
-            Lighting::EnvironmentMap(map) => Self::from_map(scene, map, counts),
-        }
+        let room = RoomLight::new(scene, lighting, counts)?;
+        let (lights, lift_m) = (Arc::new(room.lights.clone()), room.lift_m);
+        Ok(Self { room: Arc::new(room), lights, pose: None, with_detail: true, lift_m })
     }
 
-    fn from_octree(scene: &LitScene, counts: &Counts) -> Result<Self, InsertError> {
-        let light = &scene.light;
-        let leaf_edge_m = light.cube.node_edge_m(light.octree.depth());
-        let tracer =
-            |light: &lo_octree::LightOctree, settings: Settings| ConeTracer::new(light, settings).map(Box::new);
-        let whole = tracer(light, Settings::default())?;
-        let lookups = counts.photo_lookup.then(|| Box::new(Lookups::new(scene, &whole)));
-        let interpolated = Settings { sampling: Sampling::Interpolated, ..Settings::default() };
-        let smooth = tracer(light, interpolated)?;
-        // The back of a closed room's shell faces empty space: a ray meets nothing before the end of the cube.
-        let faces_room = |origin: Vec3, normal: Vec3| {
-            let cone = Cone { origin, direction: normal, tan_half_angle: SHADOW_RAY_TANGENT };
-            whole.trace(&cone).opacity > 0.5
-        };
-        let (mut patches, rest) = lo_lights::split_octree(light, faces_room);
-        let added = AnalyticLights::of(scene).map(Box::new);
-        patches.extend(added.iter().flat_map(|lights| lights.patches()));
-        let rest = tracer(&rest, Settings { min_transmittance: counts.min_transmittance, ..interpolated })?;
-        let lights = Lights::sample(&patches, LIGHT_SAMPLES);
-        let source = EnvironmentSource::Octree { whole, smooth, rest, lookups, added, leaf_edge_m };
-        Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
-    }
-
-    fn from_map(scene: &LitScene, map: RadianceImage, counts: &Counts) -> Result<Self, InsertError> {
-        if map.width() < 2 || map.height() < 1 {
-            return Err(InsertError::EnvironmentMap(format!("has only {} × {} pixels", map.width(), map.height())));
+    /// Returns the light in the axes of another camera.
+    pub fn seen_from(&self, room_from_camera: RigidTransform) -> Self {
+        let camera_from_room = room_from_camera.inverse();
+        Self {
+            room: Arc::clone(&self.room),
+            lights: Arc::new(self.room.lights.moved(&camera_from_room)),
+            pose: Some(Pose { room_from_camera, camera_from_room }),
+            ..*self
         }
-        let clean = map.map(|p| p.map(|c| if c.is_finite() { c.clamp(0.0, 1e9) } else { 0.0 }));
-        let (patches, rest) = map::split(&clean);
-        let lights = Lights::sample(&patches, LIGHT_SAMPLES);
-        let behind = if counts.photo_lookup {
-            let tracer = ConeTracer::new(&scene.light, Settings::default())?;
-            Some(Box::new(Behind { scene: scene.clone(), tracer, photo: OnceLock::new() }))
-        } else {
-            None
-        };
-        let source = EnvironmentSource::Map { whole: RadianceMap::new(clean), rest: RadianceMap::new(rest), behind };
-        Ok(Self { source, lights, lift_m: 0.0 })
     }
 
     /// Removes the detail of unobserved regions from reflections.
     pub fn remove_detail(&mut self) {
-        if let EnvironmentSource::Octree { lookups: Some(lookups), .. } = &mut self.source {
-            lookups.detail = None;
-        }
+        self.with_detail = false;
     }
 
     pub fn lights(&self) -> &Lights {
         &self.lights
     }
 
-    /// Gathers radiance along cones; cones of one aperture should be adjacent. The distance to a map at infinity is
-    /// infinite.
+    /// Rotates directions that are fixed in the room to the camera's axes.
+    pub fn fixed_in_room(&self, directions: Vec<Vec3>) -> Vec<Vec3> {
+        match &self.pose {
+            None => directions,
+            Some(pose) => directions.into_iter().map(|d| pose.camera_from_room.direction(d)).collect(),
+        }
+    }
+
+    /// [`RoomLight::gather`] in the camera's axes.
     pub fn gather(&self, part: LightPart, cones: &[Cone], samples: &mut Vec<ConeSample>) {
-        self.gather_without_added(part, cones, samples);
-        if part == LightPart::All {
-            self.gather_added(cones, samples);
-        }
+        self.room.gather(part, &self.in_room(cones), samples);
     }
 
-    fn gather_added(&self, cones: &[Cone], samples: &mut [ConeSample]) {
-        if let EnvironmentSource::Octree { added: Some(added), .. } = &self.source {
-            added.add(cones, samples);
-        }
-    }
-
-    /// [`Environment::gather`] without lights outside of the octree.
-    fn gather_without_added(&self, part: LightPart, cones: &[Cone], samples: &mut Vec<ConeSample>) {
-        samples.clear();
-        match &self.source {
-            EnvironmentSource::Octree { smooth, rest, .. } => {
-                samples.resize(cones.len(), ConeSample::default());
-                let tracer = match part {
-                    LightPart::All => smooth,
-                    LightPart::Rest => rest,
-                };
-                tracer.trace_batch(cones, samples);
-            }
-            EnvironmentSource::Map { whole, rest, .. } => {
-                let map = if part == LightPart::All { whole } else { rest };
-                samples.extend(cones.iter().map(|cone| ConeSample {
-                    radiance: map.cone(cone.direction, cone.tan_half_angle).to_array(),
-                    distance_m: f32::INFINITY,
-                    opacity: 1.0,
-                }));
-            }
-        }
-    }
-
-    /// Returns the exitant radiance of real surfaces with highlights restored, averaged over about a leaf. It is zero
-    /// for a map at infinity.
+    /// [`RoomLight::exitant_radiance`] in the camera's axes.
     pub fn exitant_radiance(&self, surfaces: &[Surface]) -> Vec<Vec3> {
-        let EnvironmentSource::Octree { smooth, leaf_edge_m, .. } = &self.source else {
-            return vec![Vec3::ZERO; surfaces.len()];
+        let Some(Pose { room_from_camera, .. }) = &self.pose else { return self.room.exitant_radiance(surfaces) };
+        let moved = |surface: &Surface| Surface {
+            position_m: room_from_camera.point(surface.position_m),
+            normal: room_from_camera.direction(surface.normal),
         };
-        let down = |surface: &Surface| Cone {
-            origin: surface.position_m + surface.normal * self.lift_m,
-            direction: -surface.normal,
-            tan_half_angle: 0.5 / LIFT_EDGES,
-        };
-        let cones: Vec<Cone> = surfaces.iter().map(down).collect();
-        let mut samples = vec![ConeSample::default(); cones.len()];
-        smooth.trace_batch(&cones, &mut samples);
-        // A greater distance means another surface.
-        let near = |sample: &ConeSample| sample.distance_m < self.lift_m + 1.5 * leaf_edge_m;
-        samples.iter().map(|sample| if near(sample) { Vec3::from(sample.radiance) } else { Vec3::ZERO }).collect()
+        self.room.exitant_radiance(&surfaces.iter().map(moved).collect::<Vec<_>>())
     }
 
-    /// Gathers radiance along the cones of a reflection with all lights ([`Environment::gather`]).
-    ///
-    /// Where the photo observes the surface that a cone meets, the photo's radiance is used; in unobserved regions,
-    /// the photo's detail is added.
-    ///
-    /// Cones begin at [lifted](Environment::lifted) points. For the lookup they are moved to the `apexes` that they
-    /// were lifted from, because the photo resolves finer surfaces than the octree's leaves. Distances are then from
-    /// there.
+    /// [`RoomLight::gather_reflected`] in the camera's axes.
     pub fn gather_reflected(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
-        self.gather_without_added(LightPart::All, cones, samples);
-        if let EnvironmentSource::Octree { lookups: Some(lookups), .. } = &self.source {
-            if let Some(detail) = &lookups.detail {
-                detail.add(cones, samples);
-            }
-            if let Some(panorama) = &lookups.panorama {
-                panorama.sharpen(cones, samples);
-            }
-            lookups.photo.sharpen_from(apexes, cones, samples);
-        }
-        self.gather_added(cones, samples);
+        self.gather_from(apexes, cones, samples, RoomLight::gather_reflected);
     }
 
     /// Prepares [`Environment::gather_behind`].
     pub fn prepare_behind(&self) {
-        if let EnvironmentSource::Map { behind: Some(behind), .. } = &self.source {
-            behind.photo.get_or_init(|| PhotoLookup::new(&behind.scene, &behind.tracer));
-        }
+        self.room.prepare_behind();
     }
 
-    /// [`Environment::gather_reflected`] for cones that pass glass: under a map at infinity too, the photo is used
-    /// where it observes what they meet, once it is [prepared](Environment::prepare_behind).
+    /// [`RoomLight::gather_behind`] in the camera's axes.
     pub fn gather_behind(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
-        let behind = match &self.source {
-            EnvironmentSource::Map { behind: Some(behind), .. } => behind.photo.get().map(|photo| (behind, photo)),
-            _ => None,
-        };
-        let Some((behind, photo)) = behind else {
-            self.gather_reflected(apexes, cones, samples);
+        self.gather_from(apexes, cones, samples, RoomLight::gather_behind);
+    }
+
+    fn gather_from(
+        &self,
+        apexes: &[Vec3],
+        cones: &mut [Cone],
+        samples: &mut Vec<ConeSample>,
+        gather: fn(&RoomLight, bool, &[Vec3], &mut [Cone], &mut Vec<ConeSample>),
+    ) {
+        let Some(Pose { room_from_camera, camera_from_room }) = &self.pose else {
+            gather(&self.room, self.with_detail, apexes, cones, samples);
             return;
         };
-        self.gather(LightPart::All, cones, samples);
-        let mut met = vec![ConeSample::default(); cones.len()];
-        behind.tracer.trace_batch(cones, &mut met);
-        for (met, sample) in met.iter_mut().zip(samples.iter()) {
-            met.radiance = sample.radiance;
-        }
-        photo.sharpen_from(apexes, cones, &mut met);
-        for (sample, met) in samples.iter_mut().zip(met) {
-            // Elsewhere, the map stays at infinity.
-            if met.radiance != sample.radiance {
-                *sample = met;
-            }
+        let apexes: Vec<Vec3> = apexes.iter().map(|&apex| room_from_camera.point(apex)).collect();
+        let mut moved: Vec<Cone> = cones.iter().map(|cone| in_axes(room_from_camera, cone)).collect();
+        gather(&self.room, self.with_detail, &apexes, &mut moved, samples);
+        // The lookup moves cones.
+        for (cone, moved) in cones.iter_mut().zip(&moved) {
+            *cone = in_axes(camera_from_room, moved);
         }
     }
 
-    /// Returns the share of each ray that real surfaces do not occlude.
+    /// [`RoomLight::unoccluded_share`] in the camera's axes.
     pub fn unoccluded_share(&self, rays: &[LightRay], shares: &mut Vec<f32>) {
-        shares.clear();
-        let EnvironmentSource::Octree { whole, added, leaf_edge_m, .. } = &self.source else {
-            shares.resize(rays.len(), 1.0);
+        let Some(Pose { room_from_camera, .. }) = &self.pose else {
+            self.room.unoccluded_share(rays, shares);
             return;
         };
-        let ray =
-            |ray: &LightRay| Cone { origin: ray.apex, direction: ray.direction, tan_half_angle: SHADOW_RAY_TANGENT };
-        let cones: Vec<Cone> = rays.iter().map(ray).collect();
-        let mut samples = vec![ConeSample::default(); rays.len()];
-        whole.trace_batch(&cones, &mut samples);
-        let free =
-            |(ray, sample): (&LightRay, &ConeSample)| lo_lights::unoccluded_share(ray.distance_m, sample, *leaf_edge_m);
-        shares.extend(rays.iter().zip(&samples).map(free));
-        // Suns are outside of the room and have their own occluders.
-        let to_sun = |ray: &LightRay| ray.distance_m.is_infinite();
-        if let Some(added) = added.as_ref().filter(|_| rays.iter().any(to_sun)) {
-            let sunny: Vec<usize> = (0..rays.len()).filter(|&i| to_sun(&rays[i])).collect();
-            let cones: Vec<Cone> = sunny.iter().map(|&i| cones[i]).collect();
-            let mut free = Vec::new();
-            added.unoccluded_to_suns(&cones, sunny.iter().map(|&i| rays[i].place), &mut free);
-            sunny.iter().zip(free).for_each(|(&i, free)| shares[i] = free);
-        }
+        let moved = |ray: &LightRay| LightRay {
+            place: room_from_camera.point(ray.place),
+            apex: room_from_camera.point(ray.apex),
+            direction: room_from_camera.direction(ray.direction),
+            distance_m: ray.distance_m,
+        };
+        self.room.unoccluded_share(&rays.iter().map(moved).collect::<Vec<_>>(), shares);
     }
 
     /// Returns the point from which to gather light for a point of an object on `support`: high enough above that
@@ -299,4 +139,15 @@ impl Environment {
         let height_m = plane.signed_distance_m(point);
         point + plane.normal * (self.lift_m - height_m).clamp(0.0, 2.0 * self.lift_m)
     }
+
+    fn in_room<'a>(&self, cones: &'a [Cone]) -> Cow<'a, [Cone]> {
+        match &self.pose {
+            None => Cow::Borrowed(cones),
+            Some(pose) => cones.iter().map(|cone| in_axes(&pose.room_from_camera, cone)).collect(),
+        }
+    }
+}
+
+fn in_axes(to_from: &RigidTransform, cone: &Cone) -> Cone {
+    Cone { origin: to_from.point(cone.origin), direction: to_from.direction(cone.direction), ..*cone }
 }

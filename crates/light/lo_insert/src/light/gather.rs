@@ -8,8 +8,9 @@ use lo_geometry::{Ray, Vec3};
 use lo_lights::luminance;
 use rayon::prelude::*;
 
-use crate::light::environment::{Environment, LightPart, LightRay};
+use crate::light::environment::Environment;
 use crate::light::radiosity::Radiosity;
+use crate::light::room_light::{LightPart, LightRay};
 use crate::light::samples::{Incidence, LightSample};
 use crate::objects::object::Object;
 use crate::objects::tracing::{ObjectHit, Objects};

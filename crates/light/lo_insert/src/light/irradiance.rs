@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use crate::batches::Batches;
 use crate::light::aperture::cone_tangent;
-use crate::light::environment::{Environment, LightPart, LightRay};
+use crate::light::environment::Environment;
+use crate::light::room_light::{LightPart, LightRay};
 use crate::light::samples::Incidence;
 use crate::surface::observed_surfaces::Surface;
 use crate::surface::receivers::{PATTERNS, Receivers, pattern_at};
@@ -75,10 +76,12 @@ pub(crate) struct RoomIrradiance {
 
 impl RoomIrradiance {
     /// Creates an empty cache for `cones` over the sphere and `lights` light samples at each grid point.
-    pub fn new(receivers: &Receivers, cones: usize, lights: usize) -> Self {
+    pub fn new(receivers: &Receivers, environment: &Environment, cones: usize, lights: usize) -> Self {
         let empty = || (0..receivers.width() * receivers.height()).map(|_| OnceLock::new()).collect();
         Self {
-            directions: (0..PATTERNS).map(|pattern| sphere_pattern(cones, pattern)).collect(),
+            directions: (0..PATTERNS)
+                .map(|pattern| environment.fixed_in_room(sphere_pattern(cones, pattern)))
+                .collect(),
             cones,
             lights,
             stride: receivers.width().max(receivers.height()).div_ceil(SIDE),

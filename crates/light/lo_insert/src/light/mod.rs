@@ -7,4 +7,5 @@ pub(crate) mod irradiance;
 pub(crate) mod lighting;
 pub(crate) mod map;
 pub(crate) mod radiosity;
+pub(crate) mod room_light;
 pub(crate) mod samples;

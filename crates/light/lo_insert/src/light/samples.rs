@@ -6,7 +6,7 @@
 
 use std::f32::consts::{PI, TAU};
 
-use lo_geometry::Vec3;
+use lo_geometry::{RigidTransform, Vec3};
 use lo_lights::{LightPatch, PatchShape, luminance};
 
 use crate::pattern::hammersley;
@@ -91,7 +91,7 @@ impl LightSample {
 }
 
 /// All light samples. Every equally spaced subset is a stratified sampling.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Lights {
     samples: Vec<LightSample>,
 }
@@ -165,6 +165,21 @@ impl Lights {
 
     pub fn is_empty(&self) -> bool {
         self.samples.is_empty()
+    }
+
+    /// Returns the lights in other axes.
+    pub fn moved(&self, to_from: &RigidTransform) -> Self {
+        let moved = |sample: &LightSample| {
+            let place = match sample.place {
+                SampleOrigin::Point { position, normal } => {
+                    SampleOrigin::Point { position: to_from.point(position), normal: to_from.direction(normal) }
+                }
+                SampleOrigin::Ball(position) => SampleOrigin::Ball(to_from.point(position)),
+                SampleOrigin::Direction(direction) => SampleOrigin::Direction(to_from.direction(direction)),
+            };
+            LightSample { place, ..*sample }
+        };
+        Self { samples: self.samples.iter().map(moved).collect() }
     }
 }
 

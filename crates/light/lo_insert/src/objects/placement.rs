@@ -1,4 +1,4 @@
-use lo_geometry::{Plane, Quat, Vec2, Vec3};
+use lo_geometry::{Plane, Quat, RigidTransform, Vec2, Vec3};
 use lo_mesh::Bounds;
 use lo_scene::Estimate;
 use serde::{Deserialize, Serialize};
@@ -147,6 +147,21 @@ impl Placement {
         Self { position_m, support: Some(Plane::through(position_m, self.up)), ..self }
     }
 
+    /// Returns the placement in the axes of another camera.
+    pub(crate) fn seen_from(&self, camera_from_room: &RigidTransform) -> Self {
+        let up = camera_from_room.direction(self.up);
+        // What is left of the rotation after the shortest one to the new up turns about +Y.
+        let rotation = camera_from_room.rotation * self.rotation();
+        let turn = Quat::from_rotation_arc(Vec3::Y, up).inverse() * rotation;
+        Self {
+            position_m: camera_from_room.point(self.position_m),
+            up,
+            yaw_rad: 2.0 * turn.y.atan2(turn.w),
+            support: self.support.map(|support| support.moved(camera_from_room)),
+            scale: self.scale,
+        }
+    }
+
     /// Returns scale, rotation and translation of a model of these bounds.
     pub fn of_model(&self, bounds: Bounds) -> lo_mesh::Placement {
         let (scale, rotation) = (self.scale, self.rotation());
@@ -222,4 +237,34 @@ fn standing_deg(scene: &Estimate) -> f32 {
 fn median(mut values: Vec<f32>) -> f32 {
     let middle = values.len() / 2;
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f32::total_cmp).1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use lo_geometry::fibonacci_sphere;
+
+    use super::*;
+
+    #[test]
+    fn placements_keep_their_pose_in_other_axes() {
+        let points = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(0.3, -0.2, 0.9)];
+        let bounds = Bounds { min: Vec3::splat(-1.0), max: Vec3::new(1.0, 2.0, 1.5) };
+        for (i, up) in fibonacci_sphere(40).into_iter().enumerate() {
+            let yaw_rad = i as f32 * 0.7;
+            let position_m = Vec3::new(0.5, -1.0, -2.0);
+            let support = Some(Plane::through(position_m, up));
+            let placement = Placement { position_m, scale: 0.4, yaw_rad, up, support };
+            let axis = fibonacci_sphere(40)[(i * 7 + 3) % 40];
+            let rotation = Quat::from_axis_angle(axis, 0.3 + i as f32 * 0.1);
+            let camera_from_room = RigidTransform { rotation, translation_m: Vec3::new(0.1 * i as f32, 1.0, -0.4) };
+            let seen = placement.seen_from(&camera_from_room);
+            assert!(seen.check().is_ok(), "{seen:?}");
+            for point in points {
+                let there = camera_from_room.point(placement.of_model(bounds).world_from_model(point));
+                let off_m = (seen.of_model(bounds).world_from_model(point) - there).length();
+                assert!(off_m < 1e-4, "{up} {axis}: {off_m}");
+            }
+            assert!(seen.support.is_some_and(|plane| plane.signed_distance_m(seen.position_m).abs() < 1e-5));
+        }
+    }
 }

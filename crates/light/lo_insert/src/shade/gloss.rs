@@ -6,8 +6,9 @@ use lo_geometry::{Camera, Mat3, Plane, Ray, Vec3};
 use lo_imaging::Image;
 use rayon::prelude::*;
 
-use crate::light::environment::{Environment, LightPart};
+use crate::light::environment::Environment;
 use crate::light::radiosity::Radiosity;
+use crate::light::room_light::LightPart;
 use crate::objects::tracing::Objects;
 use crate::pattern::hammersley;
 use crate::surface::occluders::Occluders;

@@ -1,6 +1,6 @@
 //! Passes for compositing: the objects' light by kind, their geometry, and mattes.
 
-use lo_geometry::Vec3;
+use lo_geometry::{RigidTransform, Vec3};
 use lo_imaging::{ChannelGroup, Image, RadianceImage};
 
 use crate::shade::cryptomatte::Cryptomatte;
@@ -109,6 +109,17 @@ impl PassImages {
             objects: Cryptomatte { layer: "CryptoObject", coverage: coverage(&owners, add) },
             materials: Cryptomatte { layer: "CryptoMaterial", coverage: coverage(&materials, add) },
         }
+    }
+
+    /// Returns the passes with normals and positions in the axes of the room.
+    pub fn in_room(mut self, room_from_camera: &RigidTransform) -> Self {
+        let shown = self.depth_m.pixels().iter().map(|&depth_m| depth_m != 0.0);
+        let surfaces = self.normal.pixels_mut().iter_mut().zip(self.position_m.pixels_mut());
+        for ((normal, position_m), _) in surfaces.zip(shown).filter(|(_, shown)| *shown) {
+            *normal = room_from_camera.direction(*normal);
+            *position_m = room_from_camera.point(*position_m);
+        }
+        self
     }
 
     /// Adds what [`Layers::clear_edge`] adds to the objects.

@@ -14,8 +14,9 @@ use rayon::prelude::*;
 
 use crate::batches::Batches;
 use crate::light::aperture::{cone_tangent, quantised};
-use crate::light::environment::{Environment, LightPart};
+use crate::light::environment::Environment;
 use crate::light::gather::{Gatherer, RECEIVERS_PER_TASK, Receiver};
+use crate::light::room_light::LightPart;
 use crate::objects::glass::{Sight, blocked_share, diffuse_share, sight, transmission};
 use crate::pattern::hammersley;
 use crate::shade::blocks::Blocks;

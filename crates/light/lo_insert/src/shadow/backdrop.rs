@@ -9,7 +9,8 @@ use lo_geometry::{Vec2, Vec3};
 use lo_imaging::Image;
 use rayon::prelude::*;
 
-use crate::light::environment::{Environment, LightPart};
+use crate::light::environment::Environment;
+use crate::light::room_light::LightPart;
 use crate::surface::observed_surfaces::bilinear;
 
 /// Largest distance, metres; also used for a map at infinity.

@@ -17,9 +17,10 @@ use lo_imaging::Image;
 use rayon::prelude::*;
 
 use crate::batches::Batches;
-use crate::light::environment::{Environment, LightRay};
+use crate::light::environment::Environment;
 use crate::light::irradiance::{RoomIrradiance, SurfaceIrradiance};
 use crate::light::radiosity::Radiosity;
+use crate::light::room_light::LightRay;
 use crate::light::samples::Incidence;
 use crate::objects::tracing::Objects;
 use crate::quality::Counts;
@@ -125,10 +126,10 @@ impl ShadowTerms {
 
 impl ShadowField {
     /// Creates the field of a room with the given up and floor.
-    pub fn new(map: SurfaceMap, up: Vec3, floor: Option<Plane>, counts: &Counts) -> Self {
+    pub fn new(map: SurfaceMap, up: Vec3, floor: Option<Plane>, environment: &Environment, counts: &Counts) -> Self {
         let receivers = Receivers::new(map, up, floor);
         let (cones, lights) = (counts.background_cones, counts.background_lights);
-        let irradiance = RoomIrradiance::new(&receivers, cones, lights);
+        let irradiance = RoomIrradiance::new(&receivers, environment, cones, lights);
         Self { receivers, irradiance, cones, lights, negligible: counts.negligible }
     }
 

@@ -11,5 +11,6 @@ mod look;
 mod mirror;
 mod passes;
 mod placing;
+mod plates;
 mod several;
 mod truth;
