@@ -76,6 +76,15 @@ impl PlateFiles {
     pub fn numbers(&self) -> Vec<usize> {
         self.all[self.rendered.clone()].to_vec()
     }
+
+    /// Returns a note about missing files between the first and the last.
+    fn gap(&self) -> Option<String> {
+        let numbers = self.numbers();
+        let (first, last) = (*numbers.first()?, *numbers.last()?);
+        let missing = (first..=last).filter(|number| numbers.binary_search(number).is_err());
+        let (count, missing) = (missing.clone().count(), missing.map(|number| self.name.name(number)).next()?);
+        Some(format!("{count} of the plates from {first} to {last} do not exist, such as {}", missing.display()))
+    }
 }
 
 /// Plates with their cameras in a scene.
@@ -90,7 +99,7 @@ impl FootageArgs {
     /// Finds the plates; `None` without them.
     ///
     /// # Errors
-    /// [`Usage`] if there are none, or one is missing within the range.
+    /// [`Usage`] if there are none.
     pub fn plates(&self) -> anyhow::Result<Option<PlateFiles>> {
         let Some(pattern) = &self.plate else { return Ok(None) };
         let name = NumberedName::parse(pattern, "--plate")?;
@@ -101,17 +110,9 @@ impl FootageArgs {
         };
         let start = all.partition_point(|&number| number < first);
         let rendered = start..all.partition_point(|&number| number <= last).max(start);
-        let (Some(low), Some(high)) = (all[rendered.clone()].first(), all[rendered.clone()].last()) else {
+        if rendered.is_empty() {
             let what = if all.is_empty() { "no such file" } else { "no file within --plate-range" };
             return Err(Usage(format!("--plate {}: {what}", pattern.display())).into());
-        };
-        let (low, high) = match self.plate_range {
-            Some(_) => (first, last),
-            None => (*low, *high),
-        };
-        if let Some(missing) = (low..=high).find(|number| all.binary_search(number).is_err()) {
-            let missing = name.name(missing);
-            return Err(Usage(format!("--plate: {} is missing within the sequence", missing.display())).into());
         }
         let depth = self.plate_depth.as_deref().map(|depth| NumberedName::parse(depth, "--plate-depth")).transpose()?;
         Ok(Some(PlateFiles { name, all, rendered, depth }))
@@ -129,6 +130,7 @@ impl FootageArgs {
         near: &[Vec3],
         stages: &mut Stages,
     ) -> anyhow::Result<Footage<'a>> {
+        files.gap().iter().for_each(|gap| stages.note(gap));
         let paths: Vec<PathBuf> = files.all.iter().map(|&number| files.name.name(number)).collect();
         let poses = PhotoPoses::read(&self.camera, &paths)?;
         let reference = self.reference(files, &paths, scene, stages)?;
