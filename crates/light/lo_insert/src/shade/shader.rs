@@ -98,6 +98,13 @@ struct Request {
     sampled: f32,
 }
 
+impl Request {
+    /// Returns the half-angle tangent of its cone, widened by rough glass.
+    fn aperture(&self) -> f32 {
+        quantised(self.tan_half_angle.hypot(self.end.spread)).min(MAX_TANGENT)
+    }
+}
+
 /// Shades fragments.
 pub(crate) struct Shader<'a> {
     pub gatherer: Gatherer<'a>,
@@ -373,12 +380,11 @@ impl Shader<'_> {
             let variance = main.iter().map(|&direction| (direction - mean).length_squared()).sum::<f32>();
             let pixel = FOOTPRINT * variance.sqrt() * share;
             for request in &mut requests[first..] {
-                let spread = pixel.min(MAX_PIXEL_TANGENT).hypot(request.end.spread);
-                request.tan_half_angle = quantised(spread.max(self.camera.pixel_angle_rad()).min(MAX_TANGENT));
+                request.tan_half_angle = pixel.min(MAX_PIXEL_TANGENT).max(self.camera.pixel_angle_rad());
             }
         }
         // Cones of one aperture are adjacent.
-        requests.sort_by(|a, b| a.tan_half_angle.total_cmp(&b.tan_half_angle));
+        requests.sort_by(|a, b| a.aperture().total_cmp(&b.aperture()));
         let light = self.arriving(&requests, chosen.len(), Environment::gather_behind);
         light.into_iter().zip(albedos).map(|(light, albedo)| Transmitted { light, albedo }).collect()
     }
@@ -406,7 +412,8 @@ impl Shader<'_> {
         // Cones to the environment: with its lights, and without.
         let mut asked: [(Vec<Cone>, Vec<ConeOwner>); 2] = Default::default();
         let mut apexes = Vec::new();
-        for (i, Request { owner, end, tan_half_angle, sampled }) in requests.iter().enumerate() {
+        for (i, request) in requests.iter().enumerate() {
+            let (Request { owner, end, sampled, .. }, tan_half_angle) = (request, request.aperture());
             if let Some(met) = end.met {
                 if let Some(radiosity) = gatherer.radiosity {
                     let footprint_m = met.hit.distance_m * tan_half_angle;
@@ -417,7 +424,6 @@ impl Shader<'_> {
                 continue;
             }
             let origin = gatherer.lifted(end.object, end.ray.origin);
-            let tan_half_angle = quantised(tan_half_angle.hypot(end.spread)).min(MAX_TANGENT);
             let cone = Cone { origin, direction: end.ray.direction, tan_half_angle };
             let sampled = if gatherer.environment.lights().is_empty() { 0.0 } else { *sampled };
             for (part, share) in [1.0 - sampled, sampled].into_iter().enumerate().filter(|(_, share)| *share > 0.0) {
