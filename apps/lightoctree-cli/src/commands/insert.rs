@@ -61,11 +61,11 @@ pub struct Args {
     #[command(flatten)]
     footage: FootageArgs,
 
-    /// Number of frames along the paths [default: as saved by the viewer with the scene's own objects]
+    /// Number of frames along the paths and of animations [default: as saved by the viewer with the scene's own objects]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000), conflicts_with = "plate")]
     frames: Option<u32>,
 
-    /// Frames per second of a video [default: 24, or as saved by the viewer with the scene's own objects]
+    /// Frames per second of a video and of animations [default: 24, or as saved by the viewer with the scene's own objects]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     fps: Option<u32>,
 
@@ -187,7 +187,13 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     };
     let fps = args.fps.unwrap_or(shown.fps);
     let video = Video::is_video(output).then(|| Video::create(output, size, fps)).transpose()?;
-    let job = FrameJob { inserter: &inserter, objects: &objects, frames: &frames, time_limit_s: args.time_limit };
+    let job = FrameJob {
+        inserter: &inserter,
+        objects: &objects,
+        frames: &frames,
+        frames_per_second: fps,
+        time_limit_s: args.time_limit,
+    };
     let (count, mut written) = job.render_and_write(fallback, footage.as_mut(), video, &mut stages)?;
     if Video::is_video(output) {
         written.push(output.clone());
@@ -290,22 +296,23 @@ fn read(
 /// The objects at their placements in each frame.
 struct Objects<'a> {
     names: Vec<String>,
-    models: Vec<&'a PreparedModel>,
+    models: &'a Models,
     /// Placement of each object in each frame.
     placements: Vec<Vec<Placement>>,
 }
 
 impl<'a> Objects<'a> {
     fn place(layout: &Layout, models: &'a Models, estimate: &Estimate, frames: usize) -> anyhow::Result<Self> {
-        let (names, models) = (names(layout), models.per_object());
-        let placements =
-            layout.placements(estimate, &models, frames).map_err(|error| with_object_name(error, &names))?;
+        let names = names(layout);
+        let placements = layout
+            .placements(estimate, &models.per_object(), frames)
+            .map_err(|error| with_object_name(error, &names))?;
         Ok(Self { names, models, placements })
     }
 
-    /// Returns the objects of a frame.
-    fn instances(&self, frame: usize) -> Vec<Instance<'_>> {
-        let placed = self.models.iter().zip(&self.placements).zip(&self.names);
+    /// Returns the objects of a frame, with their models there.
+    fn instances<'b>(&'b self, models: &[&'b PreparedModel], frame: usize) -> Vec<Instance<'b>> {
+        let placed = models.iter().zip(&self.placements).zip(&self.names);
         placed.map(|((model, placements), name)| Instance::in_sequence(model, placements, frame).named(name)).collect()
     }
 
@@ -361,7 +368,7 @@ impl Light<'_> {
                 }
                 interrupt::control_flow()
             };
-            match self.inserter(Quality::Normal)?.render(&objects.instances(0), on_event) {
+            match self.inserter(Quality::Normal)?.render(&objects.instances(&objects.models.per_object(), 0), on_event) {
                 Err(InsertError::Cancelled(_)) => Ok(None),
                 Ok(composite) if keep_layers => Ok(Some((composite, warnings))),
                 Ok(composite) => Ok(Some((without_layers(composite), warnings))),
@@ -377,6 +384,7 @@ struct FrameJob<'a> {
     inserter: &'a Inserter,
     objects: &'a Objects<'a>,
     frames: &'a [FrameFiles],
+    frames_per_second: u32,
     time_limit_s: Option<f64>,
 }
 
@@ -441,7 +449,8 @@ impl FrameJob<'_> {
             Event::Warning(warning) if reported.is_new(&*warning, frame) => stages.handle(Event::Warning(warning)),
             _ => interrupt::control_flow(),
         };
-        match inserter.render(&self.objects.instances(frame), on_event) {
+        let posed = self.objects.models.at(frame as f32 / self.frames_per_second as f32)?;
+        match inserter.render(&self.objects.instances(&posed.per_object(), frame), on_event) {
             Err(InsertError::Cancelled(_)) => {
                 let Some((composite, warnings)) = fallback.take() else { return Ok(None) };
                 stages.clear_bar();
@@ -533,14 +542,13 @@ fn without_layers(composite: Composite) -> Composite {
 /// Determines the number of frames; `saved` is how the scene's own objects are shown.
 fn frame_count(args: &Args, layout: &Layout, saved: Option<ObjectDisplay>) -> anyhow::Result<usize> {
     let saved = saved.zip(layout.span_s()?).map(|(shown, span_s)| shown.frames_between(span_s));
-    match (args.frames.or(saved), layout.objects().iter().find(|object| object.path.is_some())) {
+    match (args.frames.or(saved), layout.objects().iter().find(|object| object.path.is_some() || object.animation.is_some())) {
         (Some(frames), Some(_)) => Ok(frames as usize),
         (None, None) => Ok(1),
         (None, Some(moving)) => {
-            Err(Usage(format!("{} moves along a path: give the number of frames with --frames N", moving.name()))
-                .into())
+            Err(Usage(format!("{} moves: give the number of frames with --frames N", moving.name())).into())
         }
-        (Some(_), None) => Err(Usage("--frames: no object moves; give --path FILE.json".into()).into()),
+        (Some(_), None) => Err(Usage("--frames: no object moves; give --path FILE.json or --animation NAME".into()).into()),
     }
 }
 

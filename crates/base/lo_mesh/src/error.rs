@@ -64,6 +64,14 @@ pub enum MeshError {
         /// Cause, if known; begins with a separator.
         reason: String,
     },
+    /// The file has no animation of a name.
+    #[error("it has no animation `{name}`; {}", if names.is_empty() { "it has none".to_owned() } else { format!("its animations are {}", names.join(", ")) })]
+    NoAnimation {
+        /// The name.
+        name: String,
+        /// Names of its animations.
+        names: Vec<String>,
+    },
     /// A count exceeds the limit for a file of this size.
     #[error("the mesh expands to {count} {what}, more than the limit of {limit} for a file of this size")]
     TooLarge {

@@ -1,5 +1,6 @@
 //! Triangle meshes with metallic-roughness materials: readers for glTF, OBJ, PLY and STL, and ray intersection.
 
+mod animated;
 mod bvh;
 mod error;
 mod glassware;
@@ -26,6 +27,7 @@ mod texture;
 mod triangle;
 mod warning;
 
+pub use animated::AnimatedModel;
 pub use error::MeshError;
 pub use glb::{GlbTooLarge, GlbWriter};
 pub use gltf::{GlbScene, GlbSun};

@@ -60,7 +60,7 @@ impl Model {
     /// Reads glTF JSON or GLB.
     ///
     /// Reads all triangle primitives of the default scene (of all scenes without a default), with node transforms.
-    /// Skins and animations stay in their bind pose.
+    /// Skins and morph targets are applied at rest; [`AnimatedModel`](crate::AnimatedModel) plays animations.
     ///
     /// # Errors
     /// See [`MeshError`].
@@ -138,7 +138,7 @@ impl Model {
     }
 
     /// Establishes the invariants of the fields for a newly read model.
-    fn finish(mut self) -> Result<Self, MeshError> {
+    pub(crate) fn finish(mut self) -> Result<Self, MeshError> {
         if self.materials.is_empty() {
             self.materials.push(Material::default());
         }
@@ -164,7 +164,7 @@ impl Model {
 /// Reads a file that a mesh refers to.
 ///
 /// A name in another case is found, too: systems that ignore case let programs write it so.
-fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+pub(crate) fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
     let other_case = (!path.exists()).then(|| in_other_case(path)).flatten();
     read_regular_file(other_case.as_deref().unwrap_or(path), MAX_FILE_BYTES)
 }
@@ -183,6 +183,6 @@ fn in_other_case(path: &Path) -> Option<PathBuf> {
 }
 
 /// Converts the name of a neighbouring file to a path, with Windows separators replaced.
-fn local_path(name: &str) -> PathBuf {
+pub(crate) fn local_path(name: &str) -> PathBuf {
     PathBuf::from(name.replace('\\', "/"))
 }

@@ -23,6 +23,8 @@ pub struct Hit {
 pub struct PreparedModel {
     model: Model,
     bounds: Bounds,
+    /// Bounding box that placements refer to.
+    base_bounds: Bounds,
     bvh: MeshBvh,
     /// Whether any used material has alpha.
     has_alpha: bool,
@@ -37,8 +39,10 @@ impl PreparedModel {
             let having: Vec<bool> = model.materials.iter().map(property).collect();
             model.triangle_materials.iter().any(|&m| having[m as usize])
         };
+        let bounds = model.bounds();
         Self {
-            bounds: model.bounds(),
+            bounds,
+            base_bounds: bounds,
             bvh: MeshBvh::build(&model),
             has_alpha: used(|m| m.alpha_mode != AlphaMode::Opaque),
             has_single_sided: used(|m| !m.double_sided),
@@ -54,6 +58,17 @@ impl PreparedModel {
     /// Bounding box of all triangles.
     pub fn bounds(&self) -> Bounds {
         self.bounds
+    }
+
+    /// Returns the model with the base of another one: a pose of an animated model is placed as its first.
+    #[must_use]
+    pub fn with_base_of(self, first: &Self) -> Self {
+        Self { base_bounds: first.base_bounds, ..self }
+    }
+
+    /// Bounding box that placements refer to: the model's own, except for [poses](Self::with_base_of).
+    pub fn base_bounds(&self) -> Bounds {
+        self.base_bounds
     }
 
     /// Returns the closest visible hit. Skips back faces of single-sided materials and fully transparent points.

@@ -97,14 +97,11 @@ pub enum MeshWarning {
         /// Number of such primitives.
         primitives: usize,
     },
-    /// Morph targets are not applied.
-    #[error("morph targets are not applied")]
-    MorphTargets,
-    /// Animations are ignored: the model is in its bind pose.
-    #[error("{} ignored: the model is in its bind pose", if *.skins { "skins and animations" } else { "animations" })]
-    BindPose {
-        /// Whether the model has skins too.
-        skins: bool,
+    /// The model is at rest: its animations are not played.
+    #[error("the model is at rest; its animations are {}", .names.join(", "))]
+    Animations {
+        /// Their names.
+        names: Vec<String>,
     },
 }
 
@@ -125,8 +122,7 @@ impl MeshWarning {
             | Self::UnusableCoordinate { .. }
             | Self::NoArea { .. }
             | Self::PointsOrLines { .. }
-            | Self::MorphTargets
-            | Self::BindPose { .. } => false,
+            | Self::Animations { .. } => false,
         }
     }
 

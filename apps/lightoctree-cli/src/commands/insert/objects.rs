@@ -24,7 +24,7 @@ struct Flags {
     /// builtin:bottle.
     ///
     /// For several objects, each --mesh is followed by its own --at, --pixel or --path, --scale, --unit or --height,
-    /// --yaw-deg, --align and --material.
+    /// --yaw-deg, --align, --animation and --material.
     #[arg(long, value_name = "FILE")]
     mesh: Vec<PathBuf>,
 
@@ -33,7 +33,7 @@ struct Flags {
     #[arg(
         long,
         value_name = "FILE.json",
-        conflicts_with_all = ["mesh", "at", "pixel", "path", "scale", "unit", "height", "yaw_deg", "align", "material"]
+        conflicts_with_all = ["mesh", "at", "pixel", "path", "scale", "unit", "height", "yaw_deg", "align", "animation", "material"]
     )]
     layout: Option<PathBuf>,
 
@@ -68,6 +68,10 @@ struct Flags {
     /// Up direction of the object [default: gravity]
     #[arg(long, value_name = "UP", requires = "mesh", value_parser = choice(&ALIGNMENTS))]
     align: Vec<Align>,
+
+    /// Animation of a glTF mesh, by its name, that plays and repeats in a sequence; requires --frames or --plate
+    #[arg(long, value_name = "NAME", requires = "mesh")]
+    animation: Vec<String>,
 
     /// Material of the whole object: a name or a JSON object [default: the mesh's materials]
     #[arg(long, value_name = "NAME|JSON", requires = "mesh")]
@@ -106,6 +110,7 @@ pub struct ObjectArgs {
     height: IndexedValues<f64>,
     yaw_deg: IndexedValues<f32>,
     align: IndexedValues<Align>,
+    animation: IndexedValues<String>,
     material: IndexedValues<String>,
 }
 
@@ -136,6 +141,7 @@ impl FromArgMatches for ObjectArgs {
             height: indexed(matches, "height", flags.height),
             yaw_deg: indexed(matches, "yaw_deg", flags.yaw_deg),
             align: indexed(matches, "align", flags.align),
+            animation: indexed(matches, "animation", flags.animation),
             material: indexed(matches, "material", flags.material),
         })
     }
@@ -223,6 +229,7 @@ impl ObjectArgs {
             height_m,
             yaw_deg: yaw_deg.map(f64::from),
             align: single_value("--align", &self.align, mesh, range)?,
+            animation: single_value("--animation", &self.animation, mesh, range)?,
             material: material.map_err(|error| Usage(format!("--material: {error}")))?,
         })
     }
@@ -241,6 +248,7 @@ impl ObjectArgs {
             ("--height", first(&self.height)),
             ("--yaw-deg", first(&self.yaw_deg)),
             ("--align", first(&self.align)),
+            ("--animation", first(&self.animation)),
             ("--material", first(&self.material)),
         ];
         let within = options.into_iter().filter(|(_, index)| index.is_some_and(|index| range.contains(&index)));

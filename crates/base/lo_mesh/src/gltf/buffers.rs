@@ -167,8 +167,9 @@ fn components(accessor: &Accessor, index: usize) -> Result<usize, MeshError> {
         "VEC2" => Ok(2),
         "VEC3" => Ok(3),
         "VEC4" => Ok(4),
+        "MAT4" => Ok(16),
         other => {
-            let what = format!("type {other} instead of a scalar or vector");
+            let what = format!("type {other} instead of a scalar, vector or 4 × 4 matrix");
             Err(MeshError::syntax("glTF", format!("accessor {index}"), what))
         }
     }

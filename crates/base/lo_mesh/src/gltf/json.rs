@@ -33,9 +33,9 @@ pub struct Root {
     #[serde(default)]
     pub samplers: Vec<Sampler>,
     #[serde(default)]
-    pub animations: Vec<serde::de::IgnoredAny>,
+    pub animations: Vec<Animation>,
     #[serde(default)]
-    pub skins: Vec<serde::de::IgnoredAny>,
+    pub skins: Vec<Skin>,
     #[serde(default)]
     pub extensions_required: Vec<String>,
 }
@@ -61,6 +61,45 @@ pub struct Node {
     pub translation: Option<[f32; 3]>,
     pub rotation: Option<[f32; 4]>,
     pub scale: Option<[f32; 3]>,
+    pub weights: Option<Vec<f32>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct Skin {
+    #[serde(default)]
+    pub joints: Vec<usize>,
+    pub inverse_bind_matrices: Option<usize>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Animation {
+    #[serde(default)]
+    pub name: String,
+    #[serde(default)]
+    pub channels: Vec<Channel>,
+    #[serde(default)]
+    pub samplers: Vec<AnimationSampler>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Channel {
+    pub sampler: usize,
+    pub target: ChannelTarget,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct ChannelTarget {
+    pub node: Option<usize>,
+    pub path: String,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct AnimationSampler {
+    pub input: usize,
+    pub output: usize,
+    #[serde(default = "linear")]
+    pub interpolation: String,
 }
 
 #[derive(Debug, Deserialize)]
@@ -68,6 +107,16 @@ pub struct Mesh {
     #[serde(default)]
     pub name: String,
     pub primitives: Vec<Primitive>,
+    /// Weights of the morph targets.
+    #[serde(default)]
+    pub weights: Vec<f32>,
+}
+
+impl Mesh {
+    /// Returns the number of morph targets.
+    pub fn morph_targets(&self) -> usize {
+        self.primitives.iter().map(|primitive| primitive.targets.len()).max().unwrap_or(0)
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -78,7 +127,7 @@ pub struct Primitive {
     #[serde(default = "triangles")]
     pub mode: u32,
     #[serde(default)]
-    pub targets: Vec<serde::de::IgnoredAny>,
+    pub targets: Vec<std::collections::BTreeMap<String, usize>>,
     #[serde(default)]
     pub extensions: PrimitiveExtensions,
 }
@@ -186,6 +235,10 @@ pub struct Sampler {
     pub mag_filter: Option<u32>,
     pub wrap_s: Option<u32>,
     pub wrap_t: Option<u32>,
+}
+
+fn linear() -> String {
+    "LINEAR".to_owned()
 }
 
 fn triangles() -> u32 {

@@ -4,6 +4,7 @@ mod buffers;
 mod json;
 mod material_json;
 mod materials;
+mod pose;
 mod primitives;
 mod specular_glossiness;
 mod texture_loader;
@@ -11,7 +12,8 @@ mod transform;
 mod write;
 
 use self::buffers::Buffers;
-use self::json::Root;
+use self::json::{Animation, Root};
+use self::pose::Pose;
 pub(crate) use self::write::write;
 pub use self::write::{GlbScene, GlbSun};
 use crate::model::Resolver;
@@ -25,8 +27,59 @@ const SUPPORTED_EXTENSIONS: [&str; 4] =
 /// Prefixes of the names of material extensions. Those that are not applied leave a plainer material, with a warning.
 const MATERIAL_EXTENSIONS: [&str; 2] = ["KHR_materials_", "EXT_materials_"];
 
-/// Reads the model, without checking or completing its vertices.
+/// Reads the model at rest, without checking or completing its vertices.
 pub(crate) fn read(bytes: &[u8], resolve: &Resolver) -> Result<Model, MeshError> {
+    let (root, binary) = parse(bytes)?;
+    let mut model = Model::default();
+    let buffers = Buffers::load(&root, binary, resolve)?;
+    let file_bytes = bytes.len() + buffers.external_bytes();
+    materials::read(&root, &buffers, resolve, file_bytes, &mut model)?;
+    primitives::read(&root, &buffers, &Pose::rest(&root), triangle_limit(file_bytes), &mut model)?;
+    if !root.animations.is_empty() {
+        let names = (0..root.animations.len()).map(|index| animation_name(&root, index)).collect();
+        model.warnings.push(MeshWarning::Animations { names });
+    }
+    Ok(model)
+}
+
+/// Returns the index and the duration in seconds of an animation, by its name.
+pub(crate) fn animation(bytes: &[u8], resolve: &Resolver, name: &str) -> Result<(usize, f32), MeshError> {
+    let (root, binary) = parse(bytes)?;
+    let names: Vec<String> = (0..root.animations.len()).map(|index| animation_name(&root, index)).collect();
+    let Some(index) = names.iter().position(|other| other == name) else {
+        return Err(MeshError::NoAnimation { name: name.to_owned(), names });
+    };
+    let buffers = Buffers::load(&root, binary, resolve)?;
+    let limit = triangle_limit(bytes.len() + buffers.external_bytes());
+    Ok((index, root.animations[index].duration_s(&buffers, limit)?))
+}
+
+/// Reads the vertices of the model at a time of an animation; materials are those of `at_rest`.
+pub(crate) fn read_posed(
+    bytes: &[u8],
+    resolve: &Resolver,
+    animation: usize,
+    time_s: f32,
+    at_rest: &Model,
+) -> Result<Model, MeshError> {
+    let (root, binary) = parse(bytes)?;
+    let buffers = Buffers::load(&root, binary, resolve)?;
+    let limit = triangle_limit(bytes.len() + buffers.external_bytes());
+    let animation = json::get(&root.animations, animation, "animation")?;
+    let pose = Pose::at(&root, &buffers, animation, time_s, limit)?;
+    let (materials, textures) = (at_rest.materials.clone(), at_rest.textures.clone());
+    let mut model = Model { materials, textures, ..Model::default() };
+    primitives::read(&root, &buffers, &pose, limit, &mut model)?;
+    Ok(model)
+}
+
+/// Returns the name of an animation; its number, from 0, if it has none.
+fn animation_name(root: &Root, index: usize) -> String {
+    let Animation { name, .. } = &root.animations[index];
+    if name.is_empty() { index.to_string() } else { name.clone() }
+}
+
+fn parse(bytes: &[u8]) -> Result<(Root, Option<&[u8]>), MeshError> {
     let (json, binary) = if bytes.starts_with(b"glTF") { split_glb(bytes)? } else { (bytes, None) };
     let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
     let root: Root = serde_json::from_slice(json).map_err(|error| {
@@ -37,15 +90,7 @@ pub(crate) fn read(bytes: &[u8], resolve: &Resolver) -> Result<Model, MeshError>
         return Err(MeshError::syntax("glTF", "asset.version", what));
     }
     check_extensions(&root)?;
-    let mut model = Model::default();
-    let buffers = Buffers::load(&root, binary, resolve)?;
-    let file_bytes = bytes.len() + buffers.external_bytes();
-    materials::read(&root, &buffers, resolve, file_bytes, &mut model)?;
-    primitives::read(&root, &buffers, triangle_limit(file_bytes), &mut model)?;
-    if !root.animations.is_empty() || !root.skins.is_empty() {
-        model.warnings.push(MeshWarning::BindPose { skins: !root.skins.is_empty() });
-    }
-    Ok(model)
+    Ok((root, binary))
 }
 
 /// Returns the limit of triangles and vertices after expanding instances and shared accessors, for a file of this size.

@@ -1,15 +1,29 @@
-use lo_geometry::{Mat3, Mat4, Vec3};
+use lo_geometry::{DVec3, Mat3, Mat4, Vec3};
 
 use super::buffers::Buffers;
-use super::json::{Mesh, Primitive, Root, get};
-use super::transform::placed_meshes;
+use super::json::{Primitive, Root, get};
+use super::pose::{Pose, skinning};
+use super::transform::{PlacedMesh, placed_meshes};
 use crate::{MeshError, MeshWarning, Model};
 
-/// Appends all triangle primitives of the scene to the model, in world coordinates.
-pub(super) fn read(root: &Root, buffers: &Buffers, limit: u64, model: &mut Model) -> Result<(), MeshError> {
+/// Appends all triangle primitives of the scene to the model, in a pose and in world coordinates.
+pub(super) fn read(
+    root: &Root,
+    buffers: &Buffers,
+    pose: &Pose,
+    limit: u64,
+    model: &mut Model,
+) -> Result<(), MeshError> {
     let default_material = model.materials.len() as u32 - 1;
     let mut skipped = 0;
-    for (mesh_index, world_from_mesh) in placed_meshes(root)? {
+    for PlacedMesh { mesh: mesh_index, node, world_from_mesh } in placed_meshes(root, pose)? {
+        let deformation = Deformation {
+            weights: pose.morph_weights(root, node),
+            joints: match root.nodes[node].skin {
+                Some(skin) => Some(pose.joints(root, buffers, skin, limit)?),
+                None => None,
+            },
+        };
         let mesh = get(&root.meshes, mesh_index, "mesh")?;
         for (primitive_index, primitive) in mesh.primitives.iter().enumerate() {
             let place = format!("mesh {mesh_index} '{}', primitive {primitive_index}", mesh.name);
@@ -31,7 +45,7 @@ pub(super) fn read(root: &Root, buffers: &Buffers, limit: u64, model: &mut Model
                 }
                 None => default_material,
             };
-            let mut mesh = read_primitive(primitive, buffers, left, &place)?;
+            let mut mesh = read_primitive(primitive, buffers, &deformation, left, &place)?;
             mesh.transform(&world_from_mesh);
             append(model, mesh, material);
         }
@@ -39,15 +53,15 @@ pub(super) fn read(root: &Root, buffers: &Buffers, limit: u64, model: &mut Model
     if skipped > 0 {
         model.warnings.push(MeshWarning::PointsOrLines { primitives: skipped });
     }
-    warn_about_poses(root, model);
     Ok(())
 }
 
-fn warn_about_poses(root: &Root, model: &mut Model) {
-    let morphs = |mesh: &Mesh| mesh.primitives.iter().any(|p| !p.targets.is_empty());
-    if root.meshes.iter().any(morphs) {
-        model.warnings.push(MeshWarning::MorphTargets);
-    }
+/// What moves the vertices of a mesh within it.
+struct Deformation<'a> {
+    /// Weights of the morph targets.
+    weights: &'a [f32],
+    /// Transforms of the skin's joints.
+    joints: Option<Vec<Mat4>>,
 }
 
 /// One primitive with its own vertices.
@@ -63,6 +77,7 @@ struct PrimitiveMesh {
 fn read_primitive(
     primitive: &Primitive,
     buffers: &Buffers,
+    deformation: &Deformation<'_>,
     limit: u64,
     place: &str,
 ) -> Result<PrimitiveMesh, MeshError> {
@@ -107,6 +122,7 @@ fn read_primitive(
         };
         same_length("COLOR_0", part.colors.len())?;
     }
+    part.deform(primitive, buffers, deformation, limit, place)?;
     let indices = match primitive.indices {
         Some(accessor) => buffers.indices(accessor, limit.saturating_mul(3))?,
         None => (0..count as u32).collect(),
@@ -138,6 +154,40 @@ fn assemble(mode: u32, indices: &[u32]) -> Vec<[u32; 3]> {
 }
 
 impl PrimitiveMesh {
+    /// Applies morph targets, then the skin.
+    fn deform(
+        &mut self,
+        primitive: &Primitive,
+        buffers: &Buffers,
+        deformation: &Deformation<'_>,
+        limit: u64,
+        place: &str,
+    ) -> Result<(), MeshError> {
+        for (target, &weight) in primitive.targets.iter().zip(deformation.weights).filter(|(_, weight)| **weight != 0.0)
+        {
+            for (name, values) in [("POSITION", &mut self.positions), ("NORMAL", &mut self.normals)] {
+                let Some(&accessor) = target.get(name).filter(|_| !values.is_empty()) else { continue };
+                let offsets = buffers.floats::<3>(accessor, limit)?;
+                if offsets.len() != values.len() {
+                    let what = format!("{} values of a morph target's {name} for {}", offsets.len(), values.len());
+                    return Err(MeshError::syntax("glTF", place, what));
+                }
+                values.iter_mut().zip(offsets).for_each(|(value, offset)| *value += weight * Vec3::from(offset));
+            }
+        }
+        let Some(joints) = &deformation.joints else { return Ok(()) };
+        let attribute = |name: &str| primitive.attributes.get(name).copied();
+        let count = self.positions.len();
+        let Some(transforms) = skinning(&attribute, buffers, joints, count, limit, place)? else { return Ok(()) };
+        for (i, transform) in transforms.iter().enumerate() {
+            self.positions[i] = transform.transform_point3(self.positions[i]);
+            let turn = Turn::of(transform);
+            self.normals.get_mut(i).into_iter().for_each(|normal| *normal = turn.normal(*normal));
+            self.tangents.get_mut(i).into_iter().for_each(|tangent| *tangent = turn.tangent(*tangent));
+        }
+        Ok(())
+    }
+
     /// Splits vertices so that every triangle has its own: flat shading, as specified for missing normals.
     fn flatten(&mut self) {
         fn gather<T: Copy>(list: &mut Vec<T>, triangles: &[[u32; 3]]) {
@@ -157,29 +207,44 @@ impl PrimitiveMesh {
 
     /// Transforms the primitive to world coordinates; a mirroring transform flips the winding.
     fn transform(&mut self, world_from_mesh: &Mat4) {
-        let linear = Mat3::from_mat4(*world_from_mesh);
-        let determinant = linear.as_dmat3().determinant();
-        // The cofactor matrix transforms normals correctly, even for singular transforms.
-        let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis].map(Vec3::as_dvec3);
-        let sign = if determinant < 0.0 { -1.0 } else { 1.0 };
-        let cofactors = [y.cross(z) * sign, z.cross(x) * sign, x.cross(y) * sign];
-        for position in &mut self.positions {
-            *position = world_from_mesh.transform_point3(*position);
-        }
-        for normal in &mut self.normals {
-            let n = normal.as_dvec3();
-            let turned = cofactors[0] * n.x + cofactors[1] * n.y + cofactors[2] * n.z;
-            *normal = turned.normalize_or_zero().as_vec3();
-        }
-        for tangent in &mut self.tangents {
-            let turned = (linear * Vec3::new(tangent[0], tangent[1], tangent[2])).normalize_or_zero();
-            *tangent = [turned.x, turned.y, turned.z, tangent[3] * sign as f32];
-        }
-        if determinant < 0.0 {
+        let turn = Turn::of(world_from_mesh);
+        self.positions.iter_mut().for_each(|position| *position = world_from_mesh.transform_point3(*position));
+        self.normals.iter_mut().for_each(|normal| *normal = turn.normal(*normal));
+        self.tangents.iter_mut().for_each(|tangent| *tangent = turn.tangent(*tangent));
+        if turn.sign < 0.0 {
             for triangle in &mut self.triangles {
                 triangle.swap(1, 2);
             }
         }
+    }
+}
+
+/// The linear part of a transform, for normals and tangents.
+struct Turn {
+    linear: Mat3,
+    /// Cofactors of `linear`: they transform normals correctly, even for singular transforms.
+    cofactors: [DVec3; 3],
+    /// −1 for mirroring transforms.
+    sign: f64,
+}
+
+impl Turn {
+    fn of(transform: &Mat4) -> Self {
+        let linear = Mat3::from_mat4(*transform);
+        let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis].map(Vec3::as_dvec3);
+        let sign = if linear.as_dmat3().determinant() < 0.0 { -1.0 } else { 1.0 };
+        Self { linear, cofactors: [y.cross(z) * sign, z.cross(x) * sign, x.cross(y) * sign], sign }
+    }
+
+    fn normal(&self, normal: Vec3) -> Vec3 {
+        let n = normal.as_dvec3();
+        let [x, y, z] = self.cofactors;
+        (x * n.x + y * n.y + z * n.z).normalize_or_zero().as_vec3()
+    }
+
+    fn tangent(&self, tangent: [f32; 4]) -> [f32; 4] {
+        let turned = (self.linear * Vec3::new(tangent[0], tangent[1], tangent[2])).normalize_or_zero();
+        [turned.x, turned.y, turned.z, tangent[3] * self.sign as f32]
     }
 }
 

@@ -1,13 +1,21 @@
-use lo_geometry::{Mat4, Quat, Vec3};
+use lo_geometry::Mat4;
 
-use super::json::{Node, Root, get};
+use super::json::{Root, get};
+use super::pose::Pose;
 use crate::MeshError;
 
 /// Largest depth of the node hierarchy.
 const MAX_DEPTH: usize = 10_000;
 
+/// A mesh in the scene.
+pub(super) struct PlacedMesh {
+    pub mesh: usize,
+    pub node: usize,
+    pub world_from_mesh: Mat4,
+}
+
 /// Returns every mesh instance of the scene with its world transform, in f32 as in the file.
-pub(super) fn placed_meshes(root: &Root) -> Result<Vec<(usize, Mat4)>, MeshError> {
+pub(super) fn placed_meshes(root: &Root, pose: &Pose) -> Result<Vec<PlacedMesh>, MeshError> {
     let roots: Vec<usize> = match (root.scene, root.scenes.is_empty()) {
         (Some(scene), _) => get(&root.scenes, scene, "scene")?.nodes.clone(),
         (None, false) => root.scenes.iter().flat_map(|scene| scene.nodes.iter().copied()).collect(),
@@ -28,10 +36,11 @@ pub(super) fn placed_meshes(root: &Root) -> Result<Vec<(usize, Mat4)>, MeshError
                 "it has several parents, or the hierarchy is too deep",
             ));
         }
-        let world_from_node = parent * local(node);
+        let world_from_node = parent * pose.locals[index];
         if let Some(mesh) = node.mesh {
-            // Skinned vertices follow only their joints, which leave them unchanged in the bind pose.
-            result.push((mesh, if node.skin.is_some() { Mat4::IDENTITY } else { world_from_node }));
+            // Skinned vertices follow only their joints.
+            let world_from_mesh = if node.skin.is_some() { Mat4::IDENTITY } else { world_from_node };
+            result.push(PlacedMesh { mesh, node: index, world_from_mesh });
         }
         stack.extend(node.children.iter().rev().map(|&child| (child, world_from_node, depth + 1)));
     }
@@ -39,7 +48,7 @@ pub(super) fn placed_meshes(root: &Root) -> Result<Vec<(usize, Mat4)>, MeshError
 }
 
 /// Returns the nodes without a parent, as roots of files without a scene.
-fn parentless(root: &Root) -> Vec<usize> {
+pub(super) fn parentless(root: &Root) -> Vec<usize> {
     let mut has_parent = vec![false; root.nodes.len()];
     for &child in root.nodes.iter().flat_map(|node| &node.children) {
         if let Some(flag) = has_parent.get_mut(child) {
@@ -47,19 +56,4 @@ fn parentless(root: &Root) -> Vec<usize> {
         }
     }
     (0..root.nodes.len()).filter(|&node| !has_parent[node]).collect()
-}
-
-fn local(node: &Node) -> Mat4 {
-    if let Some(matrix) = &node.matrix {
-        return Mat4::from_cols_array(matrix);
-    }
-    let rotation = node.rotation.map_or(Quat::IDENTITY, |q| {
-        let q = Quat::from_array(q);
-        if q.length_squared() > 0.0 && q.is_finite() { q.normalize() } else { Quat::IDENTITY }
-    });
-    Mat4::from_scale_rotation_translation(
-        node.scale.map_or(Vec3::ONE, Vec3::from_array),
-        rotation,
-        node.translation.map_or(Vec3::ZERO, Vec3::from_array),
-    )
 }

@@ -64,6 +64,9 @@ pub struct LayoutObject {
     /// Alignment of its up; default against gravity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub align: Option<Align>,
+    /// Name of the mesh's animation that plays in a sequence; at rest without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub animation: Option<String>,
     /// Material of the whole object: a name, or an object of [`MaterialSpec`]'s fields.
     #[serde(deserialize_with = "material", skip_serializing_if = "Option::is_none")]
     pub material: Option<MaterialSpec>,
@@ -173,7 +176,7 @@ impl Layout {
 
     /// Returns whether any object moves.
     pub fn moves(&self) -> bool {
-        self.objects.iter().any(|object| object.path.is_some())
+        self.objects.iter().any(|object| object.path.is_some() || object.animation.is_some())
     }
 
     /// Returns the times of the first and the last keyframe of all paths, in seconds; `None` if nothing moves.

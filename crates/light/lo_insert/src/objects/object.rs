@@ -52,7 +52,7 @@ impl<'a> Object<'a> {
         if !(size.is_finite() && size.max_element() > 0.0) {
             return Err(InsertError::EmptyModel(format!("its bounding box is {} to {}", bounds.min, bounds.max)));
         }
-        let placed = PlacedModel { prepared, placement: placement.of_model(bounds) };
+        let placed = PlacedModel { prepared, placement: placement.of_model(prepared.base_bounds()) };
         let lo_mesh::Placement { scale, rotation, .. } = placed.placement;
         let materials = &prepared.model().materials;
         let is_glass = materials.iter().any(|material| material.transmission > 0.0);
@@ -64,7 +64,7 @@ impl<'a> Object<'a> {
             low_m: bounds.min * scale,
             high_m: bounds.max * scale,
             support: placement.support,
-            moves: moves.map(|moves| moves.map(|placement| placement.of_model(bounds))),
+            moves: moves.map(|moves| moves.map(|placement| placement.of_model(prepared.base_bounds()))),
             is_see_through: is_glass || materials.iter().any(|material| material.alpha_mode == AlphaMode::Blend),
             is_glass,
             is_all_glass: materials.iter().enumerate().all(|(index, material)| {
