@@ -395,6 +395,10 @@ fn poses(folder: &Path) -> Result {
         ("transforms.json", format!(r#"{{"applied_scale":0.5,"camera_angle_x":1.1,"frames":[{{"file_path":"./a.jpg","transform_matrix":{rows}}},{{"file_path":"b","transform_matrix":{rows},"fl_x":600,"w":640,"h":480}}]}}"#)),
         ("distorted.json", r#"{"camera_model":"OPENCV_FISHEYE","fl_x":300,"w":640,"h":480,"k1":0.05,"k2":0.01}"#.into()),
         ("cameras.txt", "# Camera list\n1 OPENCV 640 480 500 510 320 240 -0.2 0.05 0.001 0.002\n2 SIMPLE_RADIAL 640 480 500 320 240 0.1\n".into()),
+        ("track.chan", "# frame tx ty tz rx ry rz\n0 0 1.5 0 0 0 0\n1 0.1 1.5 0 -10 20 5\n".into()),
+        ("track_lens.chan", "0 0 1.5 0 0 0 0 40\n1 0.1 1.5 0 -10 20 5 39.5\n".into()),
+        ("images.txt", "# Image list\n1 1 0 0 0 0 0 0 1 a.jpg\n10.5 20 -1 30 40 7\n2 0.8 0 0.6 0 3 -2 -1 1 b.jpg\n\n".into()),
+        ("camera.usda", "#usda 1.0\n(\n metersPerUnit = 0.01\n upAxis = \"Z\"\n)\ndef Xform \"a\"\n{\n float3 xformOp:rotateXYZ = (10, 20, 30)\n uniform token[] xformOpOrder = [\"xformOp:rotateXYZ\"]\n def Camera \"c\"\n {\n  float focalLength.timeSamples = { 0: 35, 1: 36 }\n  quatf xformOp:orient = (1, 0, 0, 0)\n  double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 2: (1, 0, 0) }\n  uniform token[] xformOpOrder = [\"xformOp:translate\", \"!invert!xformOp:orient\"]\n }\n}\n".into()),
         ("trajectory.txt", "# time tx ty tz qx qy qz qw\n1.0 0 0 0 0 0 0 1\n2.01 0.1 0 0 0 0.6 0 0.8\n".into()),
     ] {
         std::fs::write(folder.join(name), text)?;

@@ -16,7 +16,10 @@ fuzz_target!(|bytes: &[u8]| {
     {
         assert!(undistortion.camera.fx.is_finite() && undistortion.camera.fx > 0.0, "{undistortion:?}");
     }
-    let Ok(file) = PoseFile::from_bytes(bytes, "poses") else { return };
+    ["poses", "poses.chan"].iter().filter_map(|name| PoseFile::from_bytes(bytes, name).ok()).for_each(check);
+});
+
+fn check(file: PoseFile) {
     let names = [["a.jpg", "b.jpg"], ["0.jpg", "1.jpg"], ["1.0.png", "2.0.png"]];
     let of_all = names.iter().map(|photos| PhotoPoses::of(std::slice::from_ref(&file), photos));
     let of_each = std::iter::once(PhotoPoses::of(&[file.clone(), file.clone()], &names[0]));
@@ -33,4 +36,4 @@ fuzz_target!(|bytes: &[u8]| {
         }
         poses.exposures_ev().iter().flatten().for_each(|ev| assert!(ev.is_finite()));
     }
-});
+}

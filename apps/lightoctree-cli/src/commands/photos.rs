@@ -25,8 +25,9 @@ pub struct PhotosArgs {
     /// Camera poses of several photos: one file for all, or one per photo
     ///
     /// Formats are recognised by their content: lightoctree's JSON, Record3D's metadata.json, frames of 3D Scanner App
-    /// and of Polycam's raw data, transforms.json of NeRF programs (in metres), TUM trajectories. Their intrinsics are
-    /// used unless --intrinsics or --hfov-deg is given.
+    /// and of Polycam's raw data, transforms.json of NeRF programs (in metres), TUM trajectories, Nuke's .chan (in
+    /// metres, rotation order ZXY), USD as text (.usda). Their intrinsics are used unless --intrinsics or --hfov-deg is
+    /// given.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub poses: Vec<PathBuf>,
 
@@ -104,6 +105,10 @@ impl PhotosArgs {
             return Err(Usage(format!("--exposures: {count} exposures for {} photos", photos.len())).into());
         }
         let poses = PhotoPoses::read(&self.poses, photos)?;
+        if !poses.format.has_unit() {
+            let reason = "their unit is arbitrary, but depth is in metres";
+            return Err(Usage(format!("--poses: poses of {} cannot be used: {reason}", poses.format)).into());
+        }
         let files = stages.stage("read photos and depth", || -> anyhow::Result<Vec<_>> {
             let file = |(photo, depth): (&PathBuf, &PathBuf)| {
                 Ok((imaging::read_photo(photo)?, imaging::read_depth_file(depth, depth_scale)?))

@@ -40,7 +40,7 @@ pub struct FootageArgs {
 
     /// Camera track of the plates: one file for all, or one per plate
     ///
-    /// The formats are those of `estimate --poses`; docs/footage.md lists them.
+    /// The formats are those of `estimate --poses`, and text models of COLMAP; docs/footage.md lists them.
     #[arg(long, value_name = "FILE", num_args = 1.., requires = "plate")]
     camera: Vec<PathBuf>,
 

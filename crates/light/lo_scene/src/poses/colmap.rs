@@ -1,5 +1,4 @@
-//! COLMAP's text format: `cameras.txt`, one camera a line as `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`, and `images.txt`
-//! beside it, which tells the camera of each image (colmap.github.io/format.html).
+//! COLMAP's `cameras.txt`, one camera a line as `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]` (colmap.github.io/format.html).
 
 use lo_geometry::Distortion;
 
@@ -29,16 +28,6 @@ pub(super) fn is_cameras(text: &str) -> bool {
 
 pub(super) fn cameras(text: &str, name: &str) -> Result<Vec<ColmapCamera>, PoseError> {
     rows(text).map(|row| camera(row, name)).collect()
-}
-
-/// Finds the camera of an image by its file name in `images.txt`.
-pub(super) fn camera_of_image(images: &str, photo: &str) -> Option<String> {
-    // Every second line lists points of the image above it, and may be empty.
-    let lines = images.lines().filter(|line| !line.starts_with('#'));
-    let rows = lines.step_by(2).map(|line| line.split_whitespace().collect::<Vec<&str>>());
-    let named = |row: &Vec<&str>| row.len() >= 10 && row[9..].join(" ").rsplit(['/', '\\']).next() == Some(photo);
-    let mut found = rows.filter(named).map(|row| row[8].to_owned());
-    found.next().filter(|first| found.all(|other| other == *first))
 }
 
 fn rows(text: &str) -> impl Iterator<Item = &str> {

@@ -13,7 +13,8 @@ pub enum PoseError {
     /// The format is unknown.
     #[error(
         "{0}: unknown pose file format; supported are lightoctree's own (`photos`), Record3D's metadata.json (`poses`), frames of 3D Scanner App \
-         (`cameraPoseARFrame`) and Polycam (`t_00`), transforms.json (`frames`), and TUM trajectories (lines of `time tx ty tz qx qy qz qw`)"
+         (`cameraPoseARFrame`) and Polycam (`t_00`), transforms.json (`frames`), TUM trajectories (lines of `time tx ty tz qx qy qz qw`), \
+         Nuke's .chan (lines of `frame tx ty tz rx ry rz [vfov]`), COLMAP's images.txt, and USD as text (.usda)"
     )]
     Unknown(String),
     /// The format is known, but the content is invalid.
@@ -24,6 +25,14 @@ pub enum PoseError {
         /// Description of the error and its location.
         what: String,
     },
+    /// A COLMAP model is stored as binary files.
+    #[error("{0} is binary; convert the model with `colmap model_converter --output_type TXT` and give its images.txt")]
+    ColmapBinary(String),
+    /// A USD file is binary.
+    #[error(
+        "{0} is binary USD; export it as text: in Blender give the file the extension .usda, or convert it with usdcat"
+    )]
+    UsdBinary(String),
     /// The camera model is not supported.
     #[error(
         "{file}: its camera model is {model}; supported are pinhole cameras, also with OpenCV's distortion or fisheye"
@@ -108,7 +117,7 @@ pub enum PoseError {
         /// Path of the photo.
         photo: String,
     },
-    /// Two cameras are too far apart.
+    /// Two cameras are too far apart. It does not occur for formats without metric unit.
     #[error(
         "according to their poses, {first} and {other} are {distance_m:.1} m apart, more than the largest room ({most_m} m); check that they are in metres"
     )]
@@ -125,7 +134,8 @@ pub enum PoseError {
     /// The format of a file with the lens of one photo is unknown.
     #[error(
         "{0}: unknown format of a lens; supported are Record3D's metadata.json, transforms.json, lightoctree's own poses, \
-         frames of 3D Scanner App and Polycam, and COLMAP's cameras.txt (lines of `CAMERA_ID MODEL WIDTH HEIGHT …`)"
+         frames of 3D Scanner App and Polycam, Nuke's .chan, USD as text (.usda), and COLMAP's cameras.txt \
+         (lines of `CAMERA_ID MODEL WIDTH HEIGHT …`)"
     )]
     UnknownLens(String),
     /// A file has several lenses, and none has the photo's name.

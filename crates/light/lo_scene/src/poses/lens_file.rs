@@ -3,10 +3,10 @@ use std::path::Path;
 use lo_geometry::{Camera, Distortion};
 use serde_json::Value;
 
-use super::matching::{by_name, stem};
+use super::matching::{by_name, frame_of, stem};
 use super::read::read_text;
 use super::values::content;
-use super::{Lens, Pose, PoseError, PoseFile, PoseFormat, colmap, nerf, record3d};
+use super::{Lens, Pose, PoseError, PoseFile, PoseFormat, colmap, colmap_images, nerf, record3d};
 
 /// Lens of one photo, from a file of another program.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,14 +24,14 @@ type FileLens = (Lens, Option<Distortion>);
 impl PhotoLens {
     /// Reads the lens of a photo: from a pose file of any format, such a file without poses, or COLMAP's `cameras.txt`.
     ///
-    /// A file of several photos gives the lens of the one with the photo's name, or number in Record3D's files. If none
+    /// A file of several photos gives the lens of the one with the photo's name, or number in files of frames. If none
     /// has it, all lenses of the file must be equal.
     ///
     /// # Errors
     /// If the file cannot be read, its format is unknown, it has no intrinsics, or different ones.
     pub fn read(path: &Path, photo: &Path) -> Result<Self, PoseError> {
         let (text, name) = read_text(path, PoseError::UnknownLens)?;
-        let images = || std::fs::read_to_string(path.with_file_name("images.txt")).ok();
+        let images = || colmap_images::read_text(&path.with_file_name("images.txt")).ok();
         Self::from_text(&text, &name, photo, images)
     }
 
@@ -48,14 +48,14 @@ impl PhotoLens {
     ) -> Result<Self, PoseError> {
         let lenses = if colmap::is_cameras(text) {
             of_cameras(text, name, photo, images)?
-        } else if text.trim_start().starts_with('{') {
-            let value: Value = serde_json::from_str(text).map_err(|error| content(name, error))?;
-            match without_poses(&value, name)? {
-                Some(lens) => vec![lens],
-                None => of_poses(&PoseFile::from_bytes(text.as_bytes(), name)?, photo),
-            }
+        } else if let Some(lens) = of_json_without_poses(text, name)? {
+            vec![lens]
         } else {
-            return Err(PoseError::UnknownLens(name.to_owned()));
+            let file = PoseFile::from_bytes(text.as_bytes(), name).map_err(|error| match error {
+                PoseError::Unknown(name) => PoseError::UnknownLens(name),
+                error => error,
+            })?;
+            of_poses(&file, photo)
         };
         let photo = photo.display().to_string();
         let Some((first, others)) = lenses.split_first() else { return Err(PoseError::NoLens(name.to_owned())) };
@@ -87,7 +87,7 @@ fn of_cameras(
     if cameras.len() > 1
         && let Some(images) = images()
         && let Some(file) = photo.file_name().and_then(|file| file.to_str())
-        && let Some(id) = colmap::camera_of_image(&images, file)
+        && let Some(id) = colmap_images::camera_of_image(&images, file)
     {
         cameras.retain(|camera| camera.id == id);
     }
@@ -100,6 +100,9 @@ fn of_poses(file: &PoseFile, photo: &Path) -> Vec<FileLens> {
         PoseFormat::Record3d => {
             stem(photo).and_then(|stem| stem.parse::<usize>().ok()).and_then(|index| file.poses.get(index))
         }
+        PoseFormat::Chan | PoseFormat::Usd => {
+            frame_of(photo).and_then(|frame| file.poses.iter().find(|pose| pose.frame == Some(frame)))
+        }
         _ => by_name(file, photo).ok(),
     };
     let poses = named.map_or(&file.poses[..], std::slice::from_ref);
@@ -107,7 +110,11 @@ fn of_poses(file: &PoseFile, photo: &Path) -> Vec<FileLens> {
 }
 
 /// Reads the intrinsics of a JSON file that has no poses.
-fn without_poses(value: &Value, name: &str) -> Result<Option<FileLens>, PoseError> {
+fn of_json_without_poses(text: &str, name: &str) -> Result<Option<FileLens>, PoseError> {
+    if !text.trim_start().starts_with('{') {
+        return Ok(None);
+    }
+    let value: &Value = &serde_json::from_str(text).map_err(|error| content(name, error))?;
     let has = |key: &str| value.get(key).is_some();
     let of = |key: &str| value.get(key);
     if has("K") && !has("poses") {
@@ -209,7 +216,8 @@ mod tests {
         let no_frames = r#"{"fl_x": 520, "w": 480, "h": 720, "frames": []}"#;
         assert_eq!(numbers(&read(no_frames, "a.jpg", None).unwrap(), 480, 720)[0], 520.0);
         let tum = "1 0 0 0 0 0 0 1\n";
-        assert!(read(tum, "a.jpg", None).unwrap_err().contains("unknown format of a lens"));
+        assert!(read(tum, "a.jpg", None).unwrap_err().contains("no intrinsics"));
+        assert!(read("hello", "a.jpg", None).unwrap_err().contains("unknown format of a lens"));
         let own = r#"{"photos": [{"file": "a.jpg", "rotation_xyzw": [0, 0, 0, 1], "position_m": [0, 0, 0]}]}"#;
         assert!(read(own, "a.jpg", None).unwrap_err().contains("no intrinsics"));
     }

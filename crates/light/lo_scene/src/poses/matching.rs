@@ -1,3 +1,4 @@
+use std::collections::HashMap;
 use std::path::Path;
 
 use lo_geometry::{Camera, Distortion, RigidTransform, Vec3};
@@ -42,7 +43,7 @@ impl PhotoPoses {
     ///
     /// # Errors
     /// If the number of files is neither one nor the number of photos, a photo has no pose or several, or cameras are
-    /// more than 50 m apart.
+    /// more than 50 m apart. The distance is not checked where the unit is arbitrary ([`PoseFormat::has_unit`]).
     pub fn of(files: &[PoseFile], photos: &[impl AsRef<Path>]) -> Result<Self, PoseError> {
         let count = PoseError::FileCount { files: files.len(), photos: photos.len() };
         let Some(first) = files.first() else { return Err(count) };
@@ -66,7 +67,8 @@ impl PhotoPoses {
                 pose: pose.clone(),
             })
             .collect();
-        for (i, a) in matched.iter().enumerate() {
+        let metric = files.iter().all(|file| file.format.has_unit());
+        for (i, a) in matched.iter().enumerate().take_while(|_| metric) {
             for b in &matched[i + 1..] {
                 let distance_m = (a.pose.position_m - b.pose.position_m).length();
                 if distance_m > MAX_DISTANCE_M {
@@ -80,7 +82,8 @@ impl PhotoPoses {
         Ok(Self { matched, up, format: first.format })
     }
 
-    /// Returns the transform from each camera's axes to those of the first camera.
+    /// Returns the transform from each camera's axes to those of the first camera. Translations are in metres, except
+    /// for formats of an arbitrary unit ([`PoseFormat::has_unit`]).
     pub fn first_from_cameras(&self) -> Vec<RigidTransform> {
         let Some(first) = self.matched.first() else { return Vec::new() };
         let others = self.matched.iter().skip(1).map(|other| first.pose.this_from(&other.pose));
@@ -112,28 +115,23 @@ impl PhotoPoses {
 /// Returns the poses of photos from one file.
 fn matched_in<'a>(file: &'a PoseFile, photos: &[impl AsRef<Path>]) -> Result<Vec<&'a Pose>, PoseError> {
     let by_order = file.poses.len() == photos.len();
-    let missing = |photo: &Path, rule| {
-        let (file, photo) = (file.name.clone(), photo.display().to_string());
-        PoseError::NoPose { file, photo, rule }
-    };
     match file.format {
-        PoseFormat::Own | PoseFormat::Nerf => photos.iter().map(|photo| by_name(file, photo.as_ref())).collect(),
+        PoseFormat::Own | PoseFormat::Nerf | PoseFormat::Colmap => {
+            photos.iter().map(|photo| by_name(file, photo.as_ref())).collect()
+        }
         PoseFormat::Record3d => {
             let index = |photo: &Path| stem(photo).and_then(|stem| stem.parse::<usize>().ok());
-            let numbers: Option<Vec<usize>> = photos.iter().map(|photo| index(photo.as_ref())).collect();
-            match numbers {
-                Some(numbers) => {
-                    let rule = "by the number in the photo's name, from 0";
-                    let found = numbers.into_iter().zip(photos);
-                    found.map(|(n, photo)| file.poses.get(n).ok_or_else(|| missing(photo.as_ref(), rule))).collect()
-                }
-                None if by_order => Ok(file.poses.iter().collect()),
-                None => {
-                    let photo = photos.iter().find(|photo| index(photo.as_ref()).is_none());
-                    let photo = photo.map_or(Path::new(""), |photo| photo.as_ref());
-                    Err(missing(photo, "by the number in the photo's name, such as 12.jpg"))
-                }
+            let rule = "by the number in the photo's name, such as 0.jpg for the first";
+            by_number(file, photos, index, |index| file.poses.get(index), rule)
+        }
+        PoseFormat::Chan | PoseFormat::Usd => {
+            if let [Pose { frame: None, .. }] = file.poses[..] {
+                // A camera that does not move.
+                return Ok(vec![&file.poses[0]; photos.len()]);
             }
+            let by_frame: HashMap<Option<i64>, &Pose> = file.poses.iter().map(|pose| (pose.frame, pose)).collect();
+            let rule = "by the frame, which is the last number in the photo's name, such as shot_0012.jpg";
+            by_number(file, photos, frame_of, |frame| by_frame.get(&Some(frame)).copied(), rule)
         }
         PoseFormat::Tum => {
             let time = |photo: &Path| stem(photo).and_then(|stem| stem.parse::<f64>().ok());
@@ -151,7 +149,8 @@ fn matched_in<'a>(file: &'a PoseFile, photos: &[impl AsRef<Path>]) -> Result<Vec
                 None => {
                     let without = |photo: &&_| time(AsRef::<Path>::as_ref(*photo)).and_then(nearest).is_none();
                     let photo = photos.iter().find(without).map_or(Path::new(""), |photo| photo.as_ref());
-                    Err(missing(
+                    Err(no_pose(
+                        file,
                         photo,
                         "by the time stamps in the photos' names within 20 ms, or by order where there are as many",
                     ))
@@ -161,6 +160,31 @@ fn matched_in<'a>(file: &'a PoseFile, photos: &[impl AsRef<Path>]) -> Result<Vec
         PoseFormat::ScannerApp | PoseFormat::Polycam if by_order => Ok(file.poses.iter().collect()),
         PoseFormat::ScannerApp | PoseFormat::Polycam => Err(PoseError::FileCount { files: 1, photos: photos.len() }),
     }
+}
+
+/// Returns the poses of photos by the numbers in their names; by order if a name has none and there are as many poses
+/// as photos.
+fn by_number<'a, N>(
+    file: &'a PoseFile,
+    photos: &[impl AsRef<Path>],
+    number: impl Fn(&Path) -> Option<N>,
+    pose_of: impl Fn(N) -> Option<&'a Pose>,
+    rule: &'static str,
+) -> Result<Vec<&'a Pose>, PoseError> {
+    if file.poses.len() == photos.len() && photos.iter().any(|photo| number(photo.as_ref()).is_none()) {
+        return Ok(file.poses.iter().collect());
+    }
+    let photos = photos.iter().map(AsRef::as_ref);
+    photos.map(|photo| number(photo).and_then(&pose_of).ok_or_else(|| no_pose(file, photo, rule))).collect()
+}
+
+fn no_pose(file: &PoseFile, photo: &Path, rule: &'static str) -> PoseError {
+    PoseError::NoPose { file: file.name.clone(), photo: photo.display().to_string(), rule }
+}
+
+/// Returns the frame of a photo: the last number in its name, without the extension.
+pub(super) fn frame_of(photo: &Path) -> Option<i64> {
+    stem(photo)?.rsplit(|c: char| !c.is_ascii_digit()).find(|part| !part.is_empty())?.parse().ok()
 }
 
 pub(super) fn stem(photo: &Path) -> Option<&str> {
@@ -182,10 +206,9 @@ pub(super) fn by_name<'a>(file: &'a PoseFile, photo: &Path) -> Result<&'a Pose, 
     let scores: Vec<Option<usize>> = file.poses.iter().map(shared).collect();
     let best = scores.iter().flatten().max().copied();
     let mut found = file.poses.iter().zip(&scores).filter(|(_, score)| score.is_some() && **score == best);
-    let (label, file) = (photo.display().to_string(), file.name.clone());
     match (found.next(), found.next()) {
         (Some((pose, _)), None) => Ok(pose),
-        (Some(_), Some(_)) => Err(PoseError::Ambiguous { file, photo: label }),
-        (None, _) => Err(PoseError::NoPose { file, photo: label, rule: "by file names" }),
+        (Some(_), Some(_)) => Err(PoseError::Ambiguous { file: file.name.clone(), photo: photo.display().to_string() }),
+        (None, _) => Err(no_pose(file, photo, "by file names")),
     }
 }

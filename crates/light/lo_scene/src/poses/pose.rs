@@ -13,9 +13,11 @@ pub struct Pose {
     pub file: Option<String>,
     /// Time stamp in seconds, if poses are identified by it.
     pub time_s: Option<f64>,
+    /// Frame number, if poses are identified by it; `None` in a USD file for a camera that does not move.
+    pub frame: Option<i64>,
     /// Rotation from the camera's axes (ours) to the world's.
     pub(super) rotation: DMat3,
-    /// World position of the camera, metres.
+    /// World position of the camera, metres; in the model's arbitrary unit for COLMAP.
     pub position_m: DVec3,
     /// Intrinsics, if given.
     pub lens: Option<Lens>,
@@ -37,6 +39,17 @@ pub enum Lens {
     },
     /// Horizontal field of view in degrees, for a centred lens with square pixels.
     HfovDeg(f64),
+    /// Vertical field of view in degrees, for a centred lens with square pixels.
+    VfovDeg(f64),
+    /// Focal length and film back, all in one unit, with square pixels.
+    FilmBack {
+        /// Focal length.
+        focal: f64,
+        /// Width of the film back, which is the image's width.
+        width: f64,
+        /// Centre of the image relative to the optical axis, to the right and up.
+        offset: [f64; 2],
+    },
 }
 
 /// Largest difference in aspect ratio between a photo and the size in the file.
@@ -51,6 +64,16 @@ impl Lens {
         let names = || (file.to_owned(), photo.to_owned());
         let camera = match *self {
             Self::HfovDeg(hfov_deg) => Camera::from_hfov_deg(hfov_deg, width, height),
+            Self::VfovDeg(vfov_deg) => {
+                let [cx, cy] = [width, height].map(|side| 0.5 * f64::from(side));
+                let focal_px = cy / (0.5 * vfov_deg.to_radians()).tan();
+                Camera::new(focal_px, focal_px, cx, cy, width, height)
+            }
+            Self::FilmBack { focal, width: film_width, offset: [right, up] } => {
+                let scale = f64::from(width) / film_width;
+                let (cx, cy) = (0.5 * f64::from(width) - scale * right, 0.5 * f64::from(height) + scale * up);
+                Camera::new(scale * focal, scale * focal, cx, cy, width, height)
+            }
             Self::Pixels { intrinsics: [fx, fy, cx, cy], size } => {
                 let stated = size.unwrap_or((width, height));
                 let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
@@ -101,8 +124,7 @@ impl Pose {
         }
         let row = |i: usize| DVec3::new(rows[4 * i], rows[4 * i + 1], rows[4 * i + 2]);
         let matrix = DMat3::from_cols(row(0), row(1), row(2)).transpose();
-        let position_m = checked_position(DVec3::new(rows[3], rows[7], rows[11]), file, pose)?;
-        Self::new(matrix, position_m, axes, file, pose)
+        Self::from_matrix(matrix, DVec3::new(rows[3], rows[7], rows[11]), axes, file, pose)
     }
 
     /// Creates a pose from a quaternion, real part last.
@@ -116,17 +138,24 @@ impl Pose {
         if let Some(value) = xyzw.into_iter().find(|v| !v.is_finite()) {
             return Err(PoseError::Value { file: file.to_owned(), pose: pose.to_owned(), value });
         }
-        let position_m = checked_position(position_m, file, pose)?;
         let quaternion = DQuat::from_array(xyzw);
         let length = quaternion.length();
         if (length - 1.0).abs() > TOLERANCE {
             let what = format!("the quaternion has length {length:.4}, not 1");
             return Err(PoseError::NotRigid { file: file.to_owned(), pose: pose.to_owned(), what });
         }
-        Self::new(DMat3::from_quat(quaternion.normalize()), position_m, axes, file, pose)
+        Self::from_matrix(DMat3::from_quat(quaternion.normalize()), position_m, axes, file, pose)
     }
 
-    fn new(matrix: DMat3, position_m: DVec3, axes: Axes, file: &str, pose: &str) -> Result<Self, PoseError> {
+    /// Creates a pose from a rotation matrix from the camera's axes to the world's.
+    pub(super) fn from_matrix(
+        matrix: DMat3,
+        position_m: DVec3,
+        axes: Axes,
+        file: &str,
+        pose: &str,
+    ) -> Result<Self, PoseError> {
+        let position_m = checked_position(position_m, file, pose)?;
         let (file, pose) = (file.to_owned(), pose.to_owned());
         let columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
         let off = |length: &f64| (length - 1.0).abs();
@@ -146,7 +175,16 @@ impl Pose {
         }
         let rotation = DMat3::from_quat(DQuat::from_mat3(&matrix).normalize());
         let rotation = axes.turned(rotation);
-        Ok(Self { file: None, time_s: None, rotation, position_m, lens: None, distortion: None, exposure_ev: None })
+        Ok(Self {
+            file: None,
+            time_s: None,
+            frame: None,
+            rotation,
+            position_m,
+            lens: None,
+            distortion: None,
+            exposure_ev: None,
+        })
     }
 
     /// Returns the transform from another camera's axes to this one's.

@@ -19,6 +19,19 @@ pub enum PoseFormat {
     Nerf,
     /// A TUM trajectory.
     Tum,
+    /// Nuke's `.chan`.
+    Chan,
+    /// COLMAP's `images.txt`.
+    Colmap,
+    /// The camera of a USD file in text form.
+    Usd,
+}
+
+impl PoseFormat {
+    /// Whether positions have a unit, the metre. COLMAP's is arbitrary: its poses need a scale from elsewhere.
+    pub fn has_unit(self) -> bool {
+        self != Self::Colmap
+    }
 }
 
 impl fmt::Display for PoseFormat {
@@ -30,6 +43,9 @@ impl fmt::Display for PoseFormat {
             Self::Polycam => "Polycam",
             Self::Nerf => "transforms.json",
             Self::Tum => "TUM trajectory",
+            Self::Chan => "Nuke .chan",
+            Self::Colmap => "COLMAP",
+            Self::Usd => "USD",
         })
     }
 }

@@ -1,5 +1,6 @@
 #![allow(clippy::unwrap_used)]
 use lo_geometry::{Quat, Vec3};
+use proptest::prelude::*;
 
 use super::*;
 
@@ -223,4 +224,28 @@ fn trajectories_go_by_order_where_names_have_no_times() {
     assert_eq!(second(&[text], &PHOTOS).unwrap().0, Vec3::X);
     let names = second(&[text], &["2.0.png", "1.0.png"]).unwrap().0;
     assert_eq!(names, Vec3::NEG_X, "names come before order");
+}
+
+proptest! {
+    /// Texts of the words of the track formats give an error or poses.
+    #[test]
+    fn no_text_panics(
+        start in prop::sample::select(vec!["", "#usda 1.0\n", "1 1 0 0 0 0 0 0 1 a.jpg\n", "1 0 0 0 0 0 0\n"]),
+        words in prop::collection::vec(prop::sample::select(vec![
+            "def Camera \"c\"", "def Xform \"a\"", "class", "{", "}", "(", ")", "[", "]", "\n", "\n", " ", " = ", ":",
+            ";", ",", "float focalLength", "double3 xformOp:translate", "quatf xformOp:orient", ".timeSamples", "\"",
+            "uniform token[] xformOpOrder", "\"xformOp:translate\"", "\"!invert!xformOp:orient\"", "upAxis", "'''",
+            "metersPerUnit", "\\", "@", "<", "#", "1", "-2.5", "1e308", "nan", "inf", "0", "99999999999999999999",
+            "ä", "1 1 0 0 0 0 0 0 1 b.jpg", "1 0 0 0 0 0 0 40\n",
+        ]), 0..40),
+        name in prop::sample::select(vec!["poses", "poses.chan"]),
+    ) {
+        let text = start.to_owned() + &words.concat();
+        if let Ok(file) = PoseFile::from_bytes(text.as_bytes(), name) {
+            prop_assert!(file.poses.iter().all(|pose| pose.position_m.is_finite()));
+            for photos in [["a.jpg", "b.jpg"], ["a_1.jpg", "a_0002.jpg"]] {
+                let _ = PhotoPoses::of(std::slice::from_ref(&file), &photos).map(|poses| poses.camera(0, 640, 480));
+            }
+        }
+    }
 }
