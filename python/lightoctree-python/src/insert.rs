@@ -124,8 +124,15 @@ impl Insertion {
 
 /// Returns the name of the first object that moves.
 fn moving(layout: &Layout) -> Option<&str> {
-    layout.objects().iter().find(|object| object.path.is_some()).map(|object| object.name())
+    layout
+        .objects()
+        .iter()
+        .find(|object| object.path.is_some() || object.animation.is_some())
+        .map(|object| object.name())
 }
+
+/// Frames per second of animations.
+const FRAMES_PER_SECOND: f32 = 24.0;
 
 /// Objects at their placements in a lit scene.
 pub struct Prepared {
@@ -141,7 +148,8 @@ impl Prepared {
     /// Renders a frame.
     pub fn render(&self, frame: usize, reporter: &mut Reporter) -> Result<Composite, Failure> {
         reporter.name_objects(self.names.clone());
-        let models = self.models.per_object();
+        let posed = self.models.at(frame as f32 / FRAMES_PER_SECOND)?;
+        let models = posed.per_object();
         let placed = models.iter().zip(&self.placements).zip(&self.names);
         let instances: Vec<Instance<'_>> = placed
             .map(|((model, placements), name)| Instance::in_sequence(model, placements, frame).named(name))

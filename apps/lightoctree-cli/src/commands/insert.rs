@@ -368,7 +368,8 @@ impl Light<'_> {
                 }
                 interrupt::control_flow()
             };
-            match self.inserter(Quality::Normal)?.render(&objects.instances(&objects.models.per_object(), 0), on_event) {
+            match self.inserter(Quality::Normal)?.render(&objects.instances(&objects.models.per_object(), 0), on_event)
+            {
                 Err(InsertError::Cancelled(_)) => Ok(None),
                 Ok(composite) if keep_layers => Ok(Some((composite, warnings))),
                 Ok(composite) => Ok(Some((without_layers(composite), warnings))),
@@ -542,13 +543,18 @@ fn without_layers(composite: Composite) -> Composite {
 /// Determines the number of frames; `saved` is how the scene's own objects are shown.
 fn frame_count(args: &Args, layout: &Layout, saved: Option<ObjectDisplay>) -> anyhow::Result<usize> {
     let saved = saved.zip(layout.span_s()?).map(|(shown, span_s)| shown.frames_between(span_s));
-    match (args.frames.or(saved), layout.objects().iter().find(|object| object.path.is_some() || object.animation.is_some())) {
+    match (
+        args.frames.or(saved),
+        layout.objects().iter().find(|object| object.path.is_some() || object.animation.is_some()),
+    ) {
         (Some(frames), Some(_)) => Ok(frames as usize),
         (None, None) => Ok(1),
         (None, Some(moving)) => {
             Err(Usage(format!("{} moves: give the number of frames with --frames N", moving.name())).into())
         }
-        (Some(_), None) => Err(Usage("--frames: no object moves; give --path FILE.json or --animation NAME".into()).into()),
+        (Some(_), None) => {
+            Err(Usage("--frames: no object moves; give --path FILE.json or --animation NAME".into()).into())
+        }
     }
 }
 

@@ -109,6 +109,7 @@ impl PhotosArgs {
             let reason = "their unit is arbitrary, but depth is in metres";
             return Err(Usage(format!("--poses: poses of {} cannot be used: {reason}", poses.format)).into());
         }
+        poses.check_distances()?;
         let files = stages.stage("read photos and depth", || -> anyhow::Result<Vec<_>> {
             let file = |(photo, depth): (&PathBuf, &PathBuf)| {
                 Ok((imaging::read_photo(photo)?, imaging::read_depth_file(depth, depth_scale)?))

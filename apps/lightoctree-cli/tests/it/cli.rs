@@ -363,7 +363,7 @@ fn several_objects_come_from_the_command_line_or_a_layout() {
     assert!(x(0, 2) > x(0, 0) + 0.2 && ((x(1, 2) - x(1, 0)) - (x(0, 2) - x(0, 0))).abs() < 1e-4, "{moved}");
     assert!((0..3).all(|i| at.join(format!("frame_0{i}.png")).is_file()));
     for (objects, code, words) in [
-        (&["--layout", "layouts/moving.json"][..], 2, "car moves along a path"),
+        (&["--layout", "layouts/moving.json"][..], 2, "car moves: give the number of frames"),
         (&["--layout", "layouts/two.json", "--frames", "3"], 2, "no object moves"),
         (&["--layout", "layouts/none.json"], 1, "none.json"),
         (&["--layout", "photo.png"], 1, "photo.png"),

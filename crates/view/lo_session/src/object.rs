@@ -139,6 +139,7 @@ impl Object {
             unit: None,
             height_m,
             align: (self.align != Align::default()).then_some(self.align),
+            animation: None,
             material: self.material.as_ref().map(ObjectMaterial::spec),
         }
     }

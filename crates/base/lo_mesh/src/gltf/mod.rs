@@ -42,31 +42,41 @@ pub(crate) fn read(bytes: &[u8], resolve: &Resolver) -> Result<Model, MeshError>
     Ok(model)
 }
 
-/// Returns the index and the duration in seconds of an animation, by its name.
-pub(crate) fn animation(bytes: &[u8], resolve: &Resolver, name: &str) -> Result<(usize, f32), MeshError> {
+/// Name of all animations together, of files that have none of this name.
+const ALL: &str = "all";
+
+/// Returns the indices of the animations of a name, and their duration in seconds.
+pub(crate) fn animations(bytes: &[u8], resolve: &Resolver, name: &str) -> Result<(Vec<usize>, f32), MeshError> {
     let (root, binary) = parse(bytes)?;
     let names: Vec<String> = (0..root.animations.len()).map(|index| animation_name(&root, index)).collect();
-    let Some(index) = names.iter().position(|other| other == name) else {
-        return Err(MeshError::NoAnimation { name: name.to_owned(), names });
+    let of_name: Vec<usize> = (0..names.len()).filter(|&index| names[index] == name).collect();
+    let chosen = match of_name[..] {
+        [] if name == ALL && !names.is_empty() => (0..names.len()).collect(),
+        [] => return Err(MeshError::NoAnimation { name: name.to_owned(), names }),
+        _ => of_name,
     };
     let buffers = Buffers::load(&root, binary, resolve)?;
     let limit = triangle_limit(bytes.len() + buffers.external_bytes());
-    Ok((index, root.animations[index].duration_s(&buffers, limit)?))
+    let mut duration_s = 0.0f32;
+    for &index in &chosen {
+        duration_s = duration_s.max(root.animations[index].duration_s(&buffers, limit)?);
+    }
+    Ok((chosen, duration_s))
 }
 
-/// Reads the vertices of the model at a time of an animation; materials are those of `at_rest`.
+/// Reads the vertices of the model at a time of animations; materials are those of `at_rest`.
 pub(crate) fn read_posed(
     bytes: &[u8],
     resolve: &Resolver,
-    animation: usize,
+    animations: &[usize],
     time_s: f32,
     at_rest: &Model,
 ) -> Result<Model, MeshError> {
     let (root, binary) = parse(bytes)?;
     let buffers = Buffers::load(&root, binary, resolve)?;
     let limit = triangle_limit(bytes.len() + buffers.external_bytes());
-    let animation = json::get(&root.animations, animation, "animation")?;
-    let pose = Pose::at(&root, &buffers, animation, time_s, limit)?;
+    let playing: Vec<&Animation> = animations.iter().filter_map(|&index| root.animations.get(index)).collect();
+    let pose = Pose::at(&root, &buffers, &playing, time_s, limit)?;
     let (materials, textures) = (at_rest.materials.clone(), at_rest.textures.clone());
     let mut model = Model { materials, textures, ..Model::default() };
     primitives::read(&root, &buffers, &pose, limit, &mut model)?;

@@ -34,17 +34,20 @@ impl Pose {
         Self::new(root, locals, root.nodes.iter().map(|node| node.weights.clone()).collect())
     }
 
-    /// Returns the pose at a time of an animation, in seconds. Before its first and after its last key, it is as there.
+    /// Returns the pose at a time of animations, in seconds. Before the first and after the last key, it is as there.
     pub fn at(
         root: &Root,
         buffers: &Buffers,
-        animation: &Animation,
+        animations: &[&Animation],
         time_s: f32,
         limit: u64,
     ) -> Result<Self, MeshError> {
         let Self { mut locals, mut weights, .. } = Self::rest(root);
         let mut moved: Vec<Option<Transform>> = vec![None; root.nodes.len()];
-        for (index, channel) in animation.channels.iter().enumerate() {
+        let channels = animations.iter().flat_map(|animation| {
+            animation.channels.iter().enumerate().map(move |(index, channel)| (animation, index, channel))
+        });
+        for (animation, index, channel) in channels {
             let Some(target) = channel.target.node else { continue };
             let node = get(&root.nodes, target, "node")?;
             let place = format!("animation '{}', channel {index}", animation.name);

@@ -117,7 +117,7 @@ pub enum PoseError {
         /// Path of the photo.
         photo: String,
     },
-    /// Two cameras are too far apart. It does not occur for formats without metric unit.
+    /// Two cameras are too far apart.
     #[error(
         "according to their poses, {first} and {other} are {distance_m:.1} m apart, more than the largest room ({most_m} m); check that they are in metres"
     )]

@@ -42,8 +42,7 @@ impl PhotoPoses {
     /// Matches poses with photos.
     ///
     /// # Errors
-    /// If the number of files is neither one nor the number of photos, a photo has no pose or several, or cameras are
-    /// more than 50 m apart. The distance is not checked where the unit is arbitrary ([`PoseFormat::has_unit`]).
+    /// If the number of files is neither one nor the number of photos, or a photo has no pose or several.
     pub fn of(files: &[PoseFile], photos: &[impl AsRef<Path>]) -> Result<Self, PoseError> {
         let count = PoseError::FileCount { files: files.len(), photos: photos.len() };
         let Some(first) = files.first() else { return Err(count) };
@@ -67,9 +66,18 @@ impl PhotoPoses {
                 pose: pose.clone(),
             })
             .collect();
-        let metric = files.iter().all(|file| file.format.has_unit());
-        for (i, a) in matched.iter().enumerate().take_while(|_| metric) {
-            for b in &matched[i + 1..] {
+        let world_up = first.world_up.filter(|up| files.iter().all(|file| file.world_up == Some(*up)));
+        let up = world_up.zip(matched.first()).map(|(up, first)| first.pose.camera_from_world(up));
+        Ok(Self { matched, up, format: first.format })
+    }
+
+    /// Checks that positions in metres are within one room.
+    ///
+    /// # Errors
+    /// If cameras are more than 50 m apart.
+    pub fn check_distances(&self) -> Result<(), PoseError> {
+        for (i, a) in self.matched.iter().enumerate() {
+            for b in &self.matched[i + 1..] {
                 let distance_m = (a.pose.position_m - b.pose.position_m).length();
                 if distance_m > MAX_DISTANCE_M {
                     let (first, other) = (a.photo.clone(), b.photo.clone());
@@ -77,9 +85,7 @@ impl PhotoPoses {
                 }
             }
         }
-        let world_up = first.world_up.filter(|up| files.iter().all(|file| file.world_up == Some(*up)));
-        let up = world_up.zip(matched.first()).map(|(up, first)| first.pose.camera_from_world(up));
-        Ok(Self { matched, up, format: first.format })
+        Ok(())
     }
 
     /// Returns the transform from each camera's axes to those of the first camera. Translations are in metres, except

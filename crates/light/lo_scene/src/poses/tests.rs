@@ -20,7 +20,8 @@ fn second(files: &[&str], photos: &[&str]) -> Result<(Vec3, Quat, PhotoPoses), P
 }
 
 fn refusal(files: &[&str], photos: &[&str]) -> String {
-    second(files, photos).err().unwrap_or_else(|| panic!("{files:?} is accepted")).to_string()
+    let read = second(files, photos).and_then(|read| read.2.check_distances());
+    read.err().unwrap_or_else(|| panic!("{files:?} is accepted")).to_string()
 }
 
 fn own(a: &str, b: &str) -> String {
