@@ -61,11 +61,12 @@ pub struct Args {
     #[command(flatten)]
     footage: FootageArgs,
 
-    /// Number of frames along the paths and of animations [default: as saved by the viewer with the scene's own objects]
+    /// Number of frames of paths and animations [default: as saved by the viewer with the scene's own objects]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000), conflicts_with = "plate")]
     frames: Option<u32>,
 
-    /// Frames per second of a video and of animations [default: 24, or as saved by the viewer with the scene's own objects]
+    /// Frames per second of videos and animations [default: 24, or as saved by the viewer with the scene's own
+    /// objects]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     fps: Option<u32>,
 

@@ -1,6 +1,6 @@
 //! The length of a track's unit, in metres of the scene.
 //!
-//! Tracks of footage alone have an arbitrary unit, and a predicted depth has a scale of its own. If they differ, objects
+//! Tracks of footage alone have an arbitrary unit, and predicted depth has a scale of its own. If they differ, objects
 //! slide over the floor. Pixels of the scene's photo, moved to the plates' cameras through its depth, show the same
 //! there only with the right length: the one of the least photometric error wins (direct alignment as in Engel et al.,
 //! *Direct Sparse Odometry*, 2018, with the scale as its only unknown).

@@ -100,10 +100,11 @@ impl SceneSurfaces {
         let mut samples = vec![lo_cone::ConeSample::default(); cones.len()];
         self.tracer.trace_batch(&cones, &mut samples);
         let met = cones.iter().zip(&samples).map(|(cone, sample)| {
-            if sample.opacity < LEAST_OPACITY || !sample.distance_m.is_finite() {
-                return 0.0;
-            }
             let ray = Ray { origin, direction: cone.direction };
+            if sample.opacity < LEAST_OPACITY || !sample.distance_m.is_finite() {
+                let planes = self.planes.iter().filter_map(|plane| plane.intersect(&ray));
+                return planes.reduce(f32::min).unwrap_or(0.0);
+            }
             let reach_m = (ON_PLANE.0 * self.leaf_edge_m).max(ON_PLANE.1 * sample.distance_m);
             let planes = self.planes.iter().filter_map(|plane| plane.intersect(&ray));
             let off_m = |distance_m: &f32| (distance_m - sample.distance_m).abs();

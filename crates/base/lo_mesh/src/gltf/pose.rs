@@ -282,8 +282,7 @@ fn unit(quaternion: [f32; 4]) -> Quat {
 fn world_from_nodes(root: &Root, locals: &[Mat4]) -> Vec<Mat4> {
     let mut world = locals.to_vec();
     let mut seen = vec![false; locals.len()];
-    let mut stack: Vec<(usize, Mat4)> =
-        super::transform::parentless(root).into_iter().map(|node| (node, Mat4::IDENTITY)).collect();
+    let mut stack: Vec<(usize, Mat4)> = parentless(root).into_iter().map(|node| (node, Mat4::IDENTITY)).collect();
     while let Some((node, parent)) = stack.pop() {
         if seen.get(node).is_none_or(|&seen| seen) {
             continue;
@@ -293,4 +292,15 @@ fn world_from_nodes(root: &Root, locals: &[Mat4]) -> Vec<Mat4> {
         stack.extend(root.nodes[node].children.iter().map(|&child| (child, world[node])));
     }
     world
+}
+
+/// Returns the nodes without a parent, as roots of files without a scene.
+pub(super) fn parentless(root: &Root) -> Vec<usize> {
+    let mut has_parent = vec![false; root.nodes.len()];
+    for &child in root.nodes.iter().flat_map(|node| &node.children) {
+        if let Some(flag) = has_parent.get_mut(child) {
+            *flag = true;
+        }
+    }
+    (0..root.nodes.len()).filter(|&node| !has_parent[node]).collect()
 }

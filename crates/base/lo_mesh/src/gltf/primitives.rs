@@ -56,7 +56,7 @@ pub(super) fn read(
     Ok(())
 }
 
-/// What moves the vertices of a mesh within it.
+/// Movement of the vertices of a mesh within it.
 struct Deformation<'a> {
     /// Weights of the morph targets.
     weights: &'a [f32],

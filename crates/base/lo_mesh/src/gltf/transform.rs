@@ -1,7 +1,7 @@
 use lo_geometry::Mat4;
 
 use super::json::{Root, get};
-use super::pose::Pose;
+use super::pose::{Pose, parentless};
 use crate::MeshError;
 
 /// Largest depth of the node hierarchy.
@@ -45,15 +45,4 @@ pub(super) fn placed_meshes(root: &Root, pose: &Pose) -> Result<Vec<PlacedMesh>,
         stack.extend(node.children.iter().rev().map(|&child| (child, world_from_node, depth + 1)));
     }
     Ok(result)
-}
-
-/// Returns the nodes without a parent, as roots of files without a scene.
-pub(super) fn parentless(root: &Root) -> Vec<usize> {
-    let mut has_parent = vec![false; root.nodes.len()];
-    for &child in root.nodes.iter().flat_map(|node| &node.children) {
-        if let Some(flag) = has_parent.get_mut(child) {
-            *flag = true;
-        }
-    }
-    (0..root.nodes.len()).filter(|&node| !has_parent[node]).collect()
 }

@@ -8,7 +8,7 @@ use lo_scene::{Frame, LitScene};
 
 use crate::box_room::{HEIGHT, HIGH, LOW, WIDTH, linear_scene, matte, on_floor, sphere, wall_distance, wall_radiance};
 
-/// What a camera sees of the box room.
+/// Returns photo and depth of the box room from a camera.
 fn frame(room_from_camera: &RigidTransform) -> Frame {
     let camera = Camera::from_hfov_deg(65.0, WIDTH as u32, HEIGHT as u32).unwrap();
     let seen = |x: usize, y: usize| {
