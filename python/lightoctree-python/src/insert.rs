@@ -66,9 +66,7 @@ impl Insertion {
     /// Prepares a single image.
     pub fn image(self, reporter: &mut Reporter) -> Result<Prepared, Failure> {
         self.prepared(reporter, |layout, _| match moving(layout) {
-            Some(name) => {
-                Err(Failure::Argument(format!("{name} moves along a path: use sequence with the number of frames")))
-            }
+            Some(name) => Err(Failure::Argument(format!("{name} moves: use sequence with the number of frames"))),
             None => Ok(1),
         })
     }
@@ -76,11 +74,9 @@ impl Insertion {
     /// Prepares a sequence, by default with as many frames as the viewer has saved with the scene's own objects.
     pub fn sequence(self, frames: Option<usize>, reporter: &mut Reporter) -> Result<Prepared, Failure> {
         self.prepared(reporter, |layout, saved| match (moving(layout), frames.or(saved)) {
-            (None, _) => Err(Failure::Argument("no object moves along a path: use insert".to_owned())),
+            (None, _) => Err(Failure::Argument("no object moves: use insert".to_owned())),
             (Some(_), Some(frames)) => Ok(frames),
-            (Some(name), None) => {
-                Err(Failure::Argument(format!("{name} moves along a path: give the number of frames")))
-            }
+            (Some(name), None) => Err(Failure::Argument(format!("{name} moves: give the number of frames"))),
         })
     }
 
