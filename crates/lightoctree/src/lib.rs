@@ -325,7 +325,7 @@ pub mod insert {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub mod footage {
-    pub use lo_footage::{ScaleFit, SceneSurfaces, Shot, ShotError, ShotWarning, likeness};
+    pub use lo_footage::{ScaleFit, ScaleSource, SceneSurfaces, Shot, ShotError, ShotWarning, likeness};
 }
 
 /// 3D scenes for other programs.

@@ -409,8 +409,7 @@ impl FrameJob<'_> {
                 Some(footage) => Some(self.inserter.on_plate(&footage.plate(count)?)),
                 None => None,
             };
-            let inserter = on_plate.as_ref().unwrap_or(self.inserter);
-            let composite = self.render(inserter, count, &mut fallback, &mut reported, stages)?;
+            let composite = self.render(on_plate.as_ref(), count, &mut fallback, &mut reported, stages)?;
             let Some(composite) = composite else { break };
             match &mut video {
                 Some(video) => video.add(&composite.image)?,
@@ -436,19 +435,22 @@ impl FrameJob<'_> {
     /// Renders a frame. If that is cancelled, by Ctrl-C or the time limit, returns the fallback.
     fn render(
         &self,
-        inserter: &Inserter,
+        on_plate: Option<&Inserter>,
         frame: usize,
         fallback: &mut Option<Fallback>,
         reported: &mut Reported,
         stages: &mut Stages,
     ) -> anyhow::Result<Option<Composite>> {
         let is_single = self.frames.len() == 1;
+        let (inserter, on_plate) = (on_plate.unwrap_or(self.inserter), on_plate.is_some());
         let on_event = &mut |event| match event {
             _ if self.time_limit_s.is_some_and(|limit_s| stages.total().as_secs_f64() > limit_s) => {
                 ControlFlow::Break(())
             }
             _ if is_single => stages.handle(event),
-            Event::Warning(warning) if reported.is_new(&*warning, frame) => stages.handle(Event::Warning(warning)),
+            Event::Warning(warning) if reported.is_new(&*warning, frame, on_plate) => {
+                stages.handle(Event::Warning(warning))
+            }
             _ => interrupt::control_flow(),
         };
         let posed = self.objects.models.at(frame as f32 / self.frames_per_second as f32)?;
@@ -473,14 +475,15 @@ struct Reported {
 }
 
 impl Reported {
-    /// Whether to print a warning: those of the first frame, and each pair of intersecting objects once.
-    fn is_new(&mut self, warning: &dyn Warning, frame: usize) -> bool {
+    /// Whether to print a warning: those of the first frame or of the scene's photo, and each pair of intersecting objects once.
+    fn is_new(&mut self, warning: &dyn Warning, frame: usize, on_plate: bool) -> bool {
         match warning.downcast_ref() {
             Some(InsertWarning::ObjectsIntersect { objects }) if !self.intersections.contains(objects) => {
                 self.intersections.push(*objects);
                 true
             }
-            _ => frame == 0,
+            // Of plates, only the scene's own photo has others.
+            _ => frame == 0 || on_plate,
         }
     }
 }

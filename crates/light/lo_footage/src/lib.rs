@@ -19,7 +19,7 @@ mod warning;
 
 pub use error::ShotError;
 pub use reference::likeness;
-pub use scale::ScaleFit;
+pub use scale::{ScaleFit, ScaleSource};
 pub use shot::Shot;
 pub use surfaces::SceneSurfaces;
 pub use warning::ShotWarning;

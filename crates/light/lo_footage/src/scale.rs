@@ -42,8 +42,19 @@ const LEAST_GAIN: f32 = 0.08;
 pub struct ScaleFit {
     /// Metres of the scene per unit of the track.
     pub scale: f32,
-    /// Whether the plates determine it. Otherwise it is 1: the camera hardly moves, or no scale fits the plates.
-    pub is_determined: bool,
+    /// How it was found.
+    pub source: ScaleSource,
+}
+
+/// Source of a [`ScaleFit`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ScaleSource {
+    /// The plates agree best with it.
+    Plates,
+    /// It is 1 and matters little: the camera hardly moves, or only turns.
+    NoMotion,
+    /// It is 1, because no scale fits the plates.
+    Unknown,
 }
 
 /// A plate with its camera's pose for a unit of one metre.
@@ -68,7 +79,7 @@ pub(crate) fn fit(
     views: &[View],
     near: &[Vec3],
 ) -> ScaleFit {
-    let unknown = ScaleFit { scale: 1.0, is_determined: false };
+    let one = |source| ScaleFit { scale: 1.0, source };
     let mut best = (0.0f32, f32::INFINITY);
     let mut all_errors = Vec::new();
     for (level, &(side, range, step)) in LEVELS.iter().enumerate() {
@@ -76,7 +87,7 @@ pub(crate) fn fit(
         let own = camera.resized(scaled.width() as u32, scaled.height() as u32);
         let samples = samples(&scaled, &own, points, near);
         if samples.len() < 50 {
-            return unknown;
+            return one(ScaleSource::Unknown);
         }
         let views: Vec<(Image<f32>, Camera, RigidTransform)> = views
             .iter()
@@ -87,7 +98,7 @@ pub(crate) fn fit(
             })
             .collect();
         if level == 0 && largest_shift(&samples, &views) < LEAST_SHIFT * side as f32 {
-            return unknown;
+            return one(ScaleSource::NoMotion);
         }
         let middle = best.0;
         let steps = (range / step).round() as i32;
@@ -105,7 +116,11 @@ pub(crate) fn fit(
     all_errors.sort_unstable_by(f32::total_cmp);
     let usual = all_errors[all_errors.len() / 2];
     let gain = 1.0 - all_errors[0] / usual.max(1e-6);
-    if gain < LEAST_GAIN { unknown } else { ScaleFit { scale: best.0.exp2(), is_determined: true } }
+    if gain < LEAST_GAIN {
+        one(ScaleSource::Unknown)
+    } else {
+        ScaleFit { scale: best.0.exp2(), source: ScaleSource::Plates }
+    }
 }
 
 /// Returns the image with at most `side` pixels on the longer side.

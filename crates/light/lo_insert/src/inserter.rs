@@ -3,7 +3,7 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use lo_events::{Cancelled, OnEvent, progress, stage, stage_of_steps, warn};
-use lo_geometry::{Plane, Vec2, Vec3};
+use lo_geometry::{Plane, RigidTransform, Vec2, Vec3};
 use lo_imaging::{BlackBars, Image, Photo, RadianceImage};
 use lo_scene::{DistortedPhoto, Frame, LitScene};
 use rayon::prelude::*;
@@ -308,8 +308,8 @@ impl Inserter {
             room: &self.room,
             up: self.up,
         };
-        // On a plate, its surfaces are those that the scene's own photo was checked with.
-        if self.pose.is_none() {
+        // Other plates show the placement that the scene's own photo is checked for.
+        if self.pose.is_none_or(|pose| pose.room_from_camera == RigidTransform::IDENTITY) {
             check.warnings(instances, &objects, &seen).try_for_each(|warning| warn(on_event, warning))?;
         }
         let gloss = (self.floor_gloss > 0.0).then(|| Gloss {

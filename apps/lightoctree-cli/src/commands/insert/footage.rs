@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
-use lightoctree::footage::{Shot, ShotWarning, likeness};
+use lightoctree::footage::{ScaleFit, ScaleSource, Shot, ShotWarning, likeness};
 use lightoctree::{Estimate, LitScene};
 use lo_geometry::{Camera, Vec3};
 use lo_imaging as imaging;
@@ -150,13 +150,18 @@ impl FootageArgs {
                 format!("{scale} m per unit of the track")
             }
             None if !scene.origin.predicted_depth && is_metric(footage.poses.format) => "in metres".to_owned(),
-            None => stages.stage("scale of the track", || footage.fit_scale(reference, near))?.map_or_else(
-                || {
-                    stages.warn(&ShotWarning::ScaleUnknown);
-                    "1 m per unit of the track".to_owned()
-                },
-                |scale| format!("{scale:.3} m per unit of the track, by the plates"),
-            ),
+            None => {
+                let ScaleFit { scale, source } =
+                    stages.stage("scale of the track", || footage.fit_scale(reference, near))?;
+                match source {
+                    ScaleSource::Plates => format!("{scale:.3} m per unit of the track, by the plates"),
+                    ScaleSource::NoMotion => "the camera hardly moves".to_owned(),
+                    ScaleSource::Unknown => {
+                        stages.warn(&ShotWarning::ScaleUnknown);
+                        "1 m per unit of the track".to_owned()
+                    }
+                }
+            }
         };
         let format = footage.poses.format;
         let photo = paths[reference].display();
@@ -193,7 +198,8 @@ impl FootageArgs {
                 if difference < best.1 {
                     best = (index, difference);
                 }
-                if difference < 0.2 * SAME_IMAGE {
+                // Without its name, its neighbours may look the same at this size.
+                if difference < SAME_IMAGE && is_source(&paths[index]) {
                     break;
                 }
             }
@@ -280,8 +286,8 @@ impl Footage<'_> {
         Ok(Read { photo: undistorted, camera: undistortion.camera, distorted, undistortion: Some(undistortion) })
     }
 
-    /// Measures the scale of the track; `None` if the plates do not determine it.
-    fn fit_scale(&mut self, reference: usize, near: &[Vec3]) -> anyhow::Result<Option<f32>> {
+    /// Measures the scale of the track.
+    fn fit_scale(&mut self, reference: usize, near: &[Vec3]) -> anyhow::Result<ScaleFit> {
         let count = self.files.all.len();
         let mut chosen: Vec<usize> =
             (0..SCALE_PLATES).map(|i| i * count.saturating_sub(1) / (SCALE_PLATES - 1)).collect();
@@ -292,8 +298,7 @@ impl Footage<'_> {
             let Read { photo, camera, .. } = self.read(index)?;
             plates.push((index, photo, camera));
         }
-        let fit = self.shot.fit_scale(&plates, near)?;
-        Ok(fit.is_determined.then_some(fit.scale))
+        Ok(self.shot.fit_scale(&plates, near)?)
     }
 }
 
