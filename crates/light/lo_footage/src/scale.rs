@@ -9,11 +9,18 @@ use lo_geometry::{Camera, RigidTransform, Vec3};
 use lo_imaging::{Image, RadianceImage, luminance};
 use rayon::prelude::*;
 
-/// Longer sides of the images, and ranges and steps of the search in octaves around the best scale before.
-const LEVELS: [(usize, f32, f32); 3] = [(96, 3.0, 0.125), (192, 0.25, 0.0625), (384, 0.125, 1.0 / 64.0)];
+/// Longer sides of the images, ranges below and above the best scale before, and steps, in octaves.
+const LEVELS: [(usize, [f32; 2], f32); 3] =
+    [(96, [5.0, 3.0], 1.0 / 16.0), (192, [0.125, 0.125], 1.0 / 32.0), (384, [0.0625, 0.0625], 1.0 / 128.0)];
+
+/// Length of the farthest camera's way as a share of the median distance of surfaces, around which scales are searched.
+const USUAL_WAY: f32 = 0.3;
 
 /// Share of the pixels that is compared: those with the largest gradients.
 const COMPARED: f32 = 0.3;
+
+/// Fewest pixels that give a scale.
+const LEAST_SAMPLES: usize = 50;
 
 /// Smallest luminance that is compared, as a share of the median.
 const LEAST_LIGHT: f32 = 0.02;
@@ -30,12 +37,9 @@ const NEAR: f32 = 0.25;
 /// Weight of a pixel far from all objects.
 const FAR_WEIGHT: f32 = 0.05;
 
-/// Least shift of pixels by a scale that is 10 % longer, as a share of the image's longer side, in the plate with the
-/// most: with less, the scale matters little and is not measured.
-const LEAST_SHIFT: f32 = 0.002;
-
-/// Least decrease of the error from the median of all scales to the best.
-const LEAST_GAIN: f32 = 0.08;
+/// Least decrease of a plate's error from the median of all scales to the best. Others show too little of what the
+/// scene's photo shows.
+const LEAST_GAIN: f32 = 0.04;
 
 /// A fitted scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +55,7 @@ pub struct ScaleFit {
 pub enum ScaleSource {
     /// The plates agree best with it.
     Plates,
-    /// It is 1 and matters little: the camera hardly moves, or only turns.
+    /// It is 1 and matters little: the camera only turns.
     NoMotion,
     /// It is 1, because no scale fits the plates.
     Unknown,
@@ -80,47 +84,57 @@ pub(crate) fn fit(
     near: &[Vec3],
 ) -> ScaleFit {
     let one = |source| ScaleFit { scale: 1.0, source };
-    let mut best = (0.0f32, f32::INFINITY);
-    let mut all_errors = Vec::new();
-    for (level, &(side, range, step)) in LEVELS.iter().enumerate() {
+    let way = views.iter().map(|view| view.room_from_camera.translation_m.length()).fold(0.0, f32::max);
+    if way == 0.0 {
+        return one(ScaleSource::NoMotion);
+    }
+    let mut best = f32::NAN;
+    let mut used: Vec<usize> = (0..views.len()).collect();
+    for (level, &(side, [below, above], step)) in LEVELS.iter().enumerate() {
         let scaled = reduced(photo, side);
         let own = camera.resized(scaled.width() as u32, scaled.height() as u32);
         let samples = samples(&scaled, &own, points, near);
-        if samples.len() < 50 {
+        if samples.len() < LEAST_SAMPLES {
             return one(ScaleSource::Unknown);
         }
-        let views: Vec<(Image<f32>, Camera, RigidTransform)> = views
-            .iter()
-            .map(|view| {
-                let light = reduced(&view.light, side);
-                let camera = view.camera.resized(light.width() as u32, light.height() as u32);
-                (logarithm(&light), camera, view.room_from_camera)
-            })
-            .collect();
-        if level == 0 && largest_shift(&samples, &views) < LEAST_SHIFT * side as f32 {
-            return one(ScaleSource::NoMotion);
-        }
-        let middle = best.0;
-        let steps = (range / step).round() as i32;
-        let octaves: Vec<f32> = (-steps..=steps).map(|i| middle + i as f32 * step).collect();
-        let errors: Vec<f32> = octaves.par_iter().map(|octave| error(&samples, &views, octave.exp2())).collect();
-        best = octaves
-            .iter()
-            .copied()
-            .zip(errors.iter().copied())
-            .fold((middle, f32::INFINITY), |best, new| if new.1 < best.1 { new } else { best });
         if level == 0 {
-            all_errors = errors;
+            best = (USUAL_WAY * median(samples.iter().map(|sample| sample.point.length()).collect()) / way).log2();
         }
+        let steps = (-(below / step).round() as i32)..=(above / step).round() as i32;
+        let octaves: Vec<f32> = steps.map(|i| best + i as f32 * step).collect();
+        let errors = |&view: &usize| {
+            let View { light, camera, room_from_camera } = &views[view];
+            let light = logarithm(&reduced(light, side));
+            let camera = camera.resized(light.width() as u32, light.height() as u32);
+            let at = |scale: f32| error(&samples, &light, &camera, room_from_camera, scale);
+            let errors: Vec<f32> = octaves.par_iter().map(|octave| at(octave.exp2())).collect();
+            (view, errors, at(0.0))
+        };
+        let mut errors: Vec<(usize, Vec<f32>, f32)> = used.iter().map(errors).collect();
+        if level == 0 {
+            let least = |errors: &[f32]| errors.iter().copied().fold(f32::INFINITY, f32::min);
+            // Plates that the camera only turns to agree best without any motion.
+            let turns = |(_, errors, still): &&(usize, Vec<f32>, f32)| {
+                *still < (1.0 - LEAST_GAIN) * median(errors.clone()) && *still <= (1.0 + LEAST_GAIN) * least(errors)
+            };
+            let turned = errors.iter().filter(turns).count();
+            errors.retain(|(_, errors, still)| least(errors) < (1.0 - LEAST_GAIN) * median(errors.clone()).min(*still));
+            if errors.is_empty() {
+                return one(if turned > 0 { ScaleSource::NoMotion } else { ScaleSource::Unknown });
+            }
+            used = errors.iter().map(|(view, ..)| *view).collect();
+        }
+        let total = |i: usize| errors.iter().map(|(_, errors, _)| errors[i]).sum::<f32>();
+        let least = (0..octaves.len()).min_by(|&a, &b| total(a).total_cmp(&total(b)));
+        best = least.map_or(best, |i| octaves[i]);
     }
-    all_errors.sort_unstable_by(f32::total_cmp);
-    let usual = all_errors[all_errors.len() / 2];
-    let gain = 1.0 - all_errors[0] / usual.max(1e-6);
-    if gain < LEAST_GAIN {
-        one(ScaleSource::Unknown)
-    } else {
-        ScaleFit { scale: best.0.exp2(), source: ScaleSource::Plates }
-    }
+    ScaleFit { scale: best.exp2(), source: ScaleSource::Plates }
+}
+
+/// Returns the median; 0 for an empty list.
+fn median(mut values: Vec<f32>) -> f32 {
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f32::total_cmp).1 }
 }
 
 /// Returns the image with at most `side` pixels on the longer side.
@@ -133,9 +147,7 @@ fn reduced(image: &RadianceImage, side: usize) -> RadianceImage {
 
 fn logarithm(light: &RadianceImage) -> Image<f32> {
     let light = light.map(|&rgb| luminance(rgb).max(0.0));
-    let mut sorted = light.pixels().to_vec();
-    let middle = sorted.len() / 2;
-    let median = *sorted.select_nth_unstable_by(middle, f32::total_cmp).1;
+    let median = median(light.pixels().to_vec());
     light.map(|&value| value.max(LEAST_LIGHT * median).max(1e-9).ln())
 }
 
@@ -168,46 +180,28 @@ fn samples(
     places.into_iter().filter_map(sample).collect()
 }
 
-/// Returns the position of a sample in a view with the camera's translation scaled.
-fn place(sample: &Sample, camera: &Camera, room_from_camera: &RigidTransform, scale: f32) -> Option<(f32, f32)> {
+/// Returns the mean photometric error in a view.
+fn error(
+    samples: &[Sample],
+    light: &Image<f32>,
+    camera: &Camera,
+    room_from_camera: &RigidTransform,
+    scale: f32,
+) -> f32 {
     let pose = RigidTransform { translation_m: room_from_camera.translation_m * scale, ..*room_from_camera };
-    let (u, v, _) = camera.project(pose.inverse().point(sample.point))?;
-    Some((u as f32, v as f32))
-}
-
-/// Returns the largest median shift of the samples in a view by a scale that is 10 % longer, pixels.
-fn largest_shift(samples: &[Sample], views: &[(Image<f32>, Camera, RigidTransform)]) -> f32 {
-    let shift = |(_, camera, pose): &(Image<f32>, Camera, RigidTransform)| {
-        let of = |sample: &Sample| {
-            let (a, b) = (place(sample, camera, pose, 1.0)?, place(sample, camera, pose, 1.1)?);
-            Some((a.0 - b.0).hypot(a.1 - b.1))
-        };
-        let mut shifts: Vec<f32> = samples.iter().filter_map(of).collect();
-        let middle = shifts.len() / 2;
-        if shifts.is_empty() { 0.0 } else { *shifts.select_nth_unstable_by(middle, f32::total_cmp).1 }
+    let camera_from_room = pose.inverse();
+    let seen = |sample: &Sample| {
+        let (u, v, _) = camera.project(camera_from_room.point(sample.point))?;
+        Some(sample.log_light - interpolated(light, u as f32 - 0.5, v as f32 - 0.5)?)
     };
-    views.iter().map(shift).fold(0.0, f32::max)
-}
-
-/// Returns the mean photometric error over the views.
-fn error(samples: &[Sample], views: &[(Image<f32>, Camera, RigidTransform)], scale: f32) -> f32 {
-    let of_view = |(light, camera, pose): &(Image<f32>, Camera, RigidTransform)| {
-        let seen = |sample: &Sample| {
-            let (u, v) = place(sample, camera, pose, scale)?;
-            Some(sample.log_light - interpolated(light, u - 0.5, v - 0.5)?)
-        };
-        let differences: Vec<Option<f32>> = samples.iter().map(seen).collect();
-        // The exposures differ.
-        let mut known: Vec<f32> = differences.iter().flatten().copied().collect();
-        let middle = known.len() / 2;
-        let offset = if known.is_empty() { 0.0 } else { *known.select_nth_unstable_by(middle, f32::total_cmp).1 };
-        let of = |(sample, difference): (&Sample, &Option<f32>)| {
-            sample.weight * difference.map_or(OUTSIDE, |difference| (difference - offset).abs().min(MOST))
-        };
-        let sum: f32 = samples.iter().zip(&differences).map(of).sum();
-        sum / samples.iter().map(|sample| sample.weight).sum::<f32>()
+    let differences: Vec<Option<f32>> = samples.iter().map(seen).collect();
+    // The exposures differ.
+    let offset = median(differences.iter().flatten().copied().collect());
+    let of = |(sample, difference): (&Sample, &Option<f32>)| {
+        sample.weight * difference.map_or(OUTSIDE, |difference| (difference - offset).abs().min(MOST))
     };
-    views.iter().map(of_view).sum::<f32>() / views.len().max(1) as f32
+    let sum: f32 = samples.iter().zip(&differences).map(of).sum();
+    sum / samples.iter().map(|sample| sample.weight).sum::<f32>()
 }
 
 /// Interpolates between four pixels, whose centres are at integers; `None` outside of the image.

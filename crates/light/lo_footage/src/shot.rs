@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use lo_geometry::{Camera, RigidTransform, Vec3};
+use lo_geometry::{Camera, Quat, RigidTransform, Vec3};
 use lo_imaging::{DepthMap, Photo};
 use lo_insert::Plate;
 use lo_scene::{DistortedPhoto, Frame, LitScene, ObservedPhoto, overlap};
@@ -10,6 +10,9 @@ use crate::{SceneSurfaces, ShotError};
 
 /// Longer side of a plate's depth.
 const DEPTH_SIDE: usize = 640;
+
+/// Largest turn of a camera that sees much the same as another: 25°.
+const SIMILAR_RAD: f32 = 0.44;
 
 /// Plates of a moving camera in the room of a scene.
 pub struct Shot<'a> {
@@ -48,6 +51,26 @@ impl<'a> Shot<'a> {
     /// Sets the metres of the scene per unit of the track; 1 by default.
     pub fn set_scale(&mut self, scale: f32) {
         self.scale = scale;
+    }
+
+    /// Returns up to `count` plates that are likely to determine the scale: those that look at much the same as the
+    /// scene's photo, from different places.
+    pub fn scale_plates(&self, count: usize) -> Vec<usize> {
+        let turn = |index: &usize| self.poses[*index].rotation.angle_between(Quat::IDENTITY);
+        let mut near: Vec<usize> =
+            (0..self.poses.len()).filter(|&index| self.poses[index] != RigidTransform::IDENTITY).collect();
+        near.sort_by(|a, b| turn(a).total_cmp(&turn(b)));
+        let alike = near.partition_point(|index| turn(index) < SIMILAR_RAD);
+        near.truncate(alike.max(count));
+        near.sort_by(|&a, &b| {
+            let way = |index: usize| self.poses[index].translation_m.length();
+            way(a).total_cmp(&way(b))
+        });
+        let mut chosen: Vec<usize> = (0..count)
+            .filter_map(|i| near.get(i * near.len().saturating_sub(1) / (count - 1).max(1)).copied())
+            .collect();
+        chosen.dedup();
+        chosen
     }
 
     /// Measures the scale by some plates, each with its index and camera, and sets it. It fits best at the positions

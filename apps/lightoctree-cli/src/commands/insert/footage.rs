@@ -151,8 +151,7 @@ impl FootageArgs {
             }
             None if !scene.origin.predicted_depth && is_metric(footage.poses.format) => "in metres".to_owned(),
             None => {
-                let ScaleFit { scale, source } =
-                    stages.stage("scale of the track", || footage.fit_scale(reference, near))?;
+                let ScaleFit { scale, source } = stages.stage("scale of the track", || footage.fit_scale(near))?;
                 match source {
                     ScaleSource::Plates => format!("{scale:.3} m per unit of the track, by the plates"),
                     ScaleSource::NoMotion => "the camera hardly moves".to_owned(),
@@ -287,12 +286,8 @@ impl Footage<'_> {
     }
 
     /// Measures the scale of the track.
-    fn fit_scale(&mut self, reference: usize, near: &[Vec3]) -> anyhow::Result<ScaleFit> {
-        let count = self.files.all.len();
-        let mut chosen: Vec<usize> =
-            (0..SCALE_PLATES).map(|i| i * count.saturating_sub(1) / (SCALE_PLATES - 1)).collect();
-        chosen.dedup();
-        chosen.retain(|&index| index != reference);
+    fn fit_scale(&mut self, near: &[Vec3]) -> anyhow::Result<ScaleFit> {
+        let chosen = self.shot.scale_plates(SCALE_PLATES);
         let mut plates = Vec::with_capacity(chosen.len());
         for index in chosen {
             let Read { photo, camera, .. } = self.read(index)?;

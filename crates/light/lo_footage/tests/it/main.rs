@@ -47,9 +47,13 @@ fn photo(pose: &RigidTransform, width: u32, gain: f32) -> (Photo, Image<f32>) {
 /// The room as estimated from the origin.
 fn scene() -> LitScene {
     let (light, depth_m) = photo(&RigidTransform::IDENTITY, 480, 1.0);
-    let points = lo_geometry::fibonacci_sphere(300_000).into_iter().map(|direction| {
-        let (position_m, radiance) = room(Vec3::new(0.0, 0.3, -0.5), direction);
-        RadiancePoint { position_m, radiance, provenance: Provenance::Observed }
+    // From both sides of the cupboard.
+    let origins = [Vec3::new(0.0, 0.3, -0.5), Vec3::new(1.6, 0.2, -3.2), Vec3::new(-1.5, 0.2, -3.2)];
+    let points = origins.into_iter().flat_map(|origin| {
+        lo_geometry::fibonacci_sphere(200_000).into_iter().map(move |direction| {
+            let (position_m, radiance) = room(origin, direction);
+            RadiancePoint { position_m, radiance, provenance: Provenance::Observed }
+        })
     });
     let cube = Cube::centred(0.5 * (LOW + HIGH), 6.0);
     let octree = LightOctree::from_points(&points.collect::<Vec<_>>(), cube, 6, 4).unwrap().0;
