@@ -37,7 +37,7 @@ pub enum Command {
     /// Render HDR environment maps at many points of a scene
     Probes(commands::probes::Args),
     /// Insert virtual objects into the photo of a scene
-    Insert(commands::insert::Args),
+    Insert(Box<commands::insert::Args>),
     /// Move objects and edit lights in the browser
     View(commands::view::Args),
     /// Print the contents of a scene file

@@ -281,7 +281,7 @@ impl Footage<'_> {
         };
         let undistortion = Undistortion::new(camera, distortion).with_context(|| path.display().to_string())?;
         let undistorted = undistortion.photo(&photo);
-        let distorted = Some(Arc::new(DistortedPhoto::new(photo, undistortion.clone())));
+        let distorted = Some(Arc::new(DistortedPhoto::new(photo, undistortion)));
         Ok(Read { photo: undistorted, camera: undistortion.camera, distorted, undistortion: Some(undistortion) })
     }
 
