@@ -49,7 +49,7 @@ def main():
     print("scale            slide: median, largest, pixels")
     found = insert(arguments, name, None)
     print(f"{'found: ' + str(found[1]):16s} {slide(found[0], truth)}")
-    for factor in [0.8, 0.9, 1.1, 1.25]:
+    for factor in [0.8, 1.25]:
         if found[1]:
             print(f"{factor:<4} x found     {slide(insert(arguments, name, factor * found[1])[0], truth)}")
 

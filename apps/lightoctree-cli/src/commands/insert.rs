@@ -475,7 +475,8 @@ struct Reported {
 }
 
 impl Reported {
-    /// Whether to print a warning: those of the first frame or of the scene's photo, and each pair of intersecting objects once.
+    /// Whether to print a warning: those of the first frame or of the scene's photo, and each pair of intersecting
+    /// objects once.
     fn is_new(&mut self, warning: &dyn Warning, frame: usize, on_plate: bool) -> bool {
         match warning.downcast_ref() {
             Some(InsertWarning::ObjectsIntersect { objects }) if !self.intersections.contains(objects) => {
