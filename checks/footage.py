@@ -3,7 +3,7 @@
     python checks/footage.py target/release/lightoctree 'images/%04d.jpg' transforms.json --scene 12 --pixel 300,1400 [--last 35]
 
 Estimates plate 12, lays a thin disc on the surface at the pixel, and inserts it into all plates. OpenCV's SIFT finds how the surface
-around the pixel moves from plate to plate, as a homography; its image of the pixel is where the disc's centre belongs. Prints the
+around the pixel moves from plate to plate, as a homography; its image of the disc's centre is where that belongs. Prints the
 distances for the scale of the track that `insert` finds and for a few others, in pixels. A photo that shows one plane around the
 pixel, such as a wall or a floor, is needed. Needs `pip install numpy opencv-python-headless OpenEXR`.
 """
@@ -44,14 +44,14 @@ def main():
     run(arguments.program, "estimate", photo, "--intrinsics", arguments.camera, "-o", name("room.scene"), "--force")
 
     pixel = np.array([float(value) for value in arguments.pixel.split(",")])
-    truth = surface_motion(arguments, photo, pixel)
-    print(f"{len(truth)} plates show the surface")
+    motions = surface_motion(arguments, photo, pixel)
+    print(f"{len(motions)} plates show the surface")
     print("scale            slide: median, largest, pixels")
     found = insert(arguments, name, None)
-    print(f"{'found: ' + str(found[1]):16s} {slide(found[0], truth)}")
+    print(f"{'found: ' + str(found[1]):16s} {slide(found[0], motions, arguments.scene)}")
     for factor in [0.8, 1.25]:
         if found[1]:
-            print(f"{factor:<4} x found     {slide(insert(arguments, name, factor * found[1])[0], truth)}")
+            print(f"{factor:<4} x found     {slide(insert(arguments, name, factor * found[1])[0], motions, arguments.scene)}")
 
 
 def insert(arguments, name, scale):
@@ -79,7 +79,7 @@ def insert(arguments, name, scale):
 
 
 def surface_motion(arguments, photo, pixel):
-    """Returns where the surface's point at `pixel` of the scene's plate is in each plate."""
+    """Returns the homography of the surface around `pixel` from the scene's plate to each plate."""
     sift = cv2.SIFT_create(8000)
     first = cv2.imread(photo, cv2.IMREAD_GRAYSCALE)
     mask = np.zeros_like(first)
@@ -103,13 +103,18 @@ def surface_motion(arguments, photo, pixel):
         homography, inliers = cv2.findHomography(here, there, cv2.RANSAC, 3.0)
         if homography is None or inliers.sum() < LEAST_MATCHES:
             continue
-        u, v, w = homography @ [*pixel, 1.0]
-        places[int(match[1])] = np.array([u / w, v / w])
+        places[int(match[1])] = homography
     return places
 
 
-def slide(places, truth):
-    distances = sorted(float(np.linalg.norm(places[number] - truth[number])) for number in places if number in truth)
+def slide(places, motions, scene):
+    if scene not in places:
+        return "not in view"
+    distances = []
+    for number in places.keys() & motions.keys() - {scene}:
+        u, v, w = motions[number] @ [*places[scene], 1.0]
+        distances.append(float(np.linalg.norm(places[number] - [u / w, v / w])))
+    distances.sort()
     return f"{distances[len(distances) // 2]:.1f}, {distances[-1]:.1f} in {len(distances)} plates" if distances else "not in view"
 
 

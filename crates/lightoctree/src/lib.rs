@@ -97,7 +97,7 @@ pub use builtin::builtin_model;
 pub use builtin_names::{BUILTIN_MODELS, BUILTIN_PREFIX};
 pub use document::{Document, DocumentError, LightPurpose};
 pub use model_error::ModelError;
-pub use models::Models;
+pub use models::{Models, PosedModels};
 
 // 3. Lit scene.
 pub use lo_estimate::{AppliedLight, FittedLight, LightReport, LightingError};
@@ -276,7 +276,8 @@ pub mod lights {
 /// ```
 pub mod mesh {
     pub use lo_mesh::{
-        Bounds, LoadOptions, Material, MaterialSpec, MeshError, MeshWarning, Model, PreparedModel, Texture,
+        AnimatedModel, Bounds, LoadOptions, Material, MaterialSpec, MeshError, MeshWarning, Model, PreparedModel,
+        Texture,
     };
 }
 
@@ -307,13 +308,18 @@ pub mod insert {
 ///
 /// ```no_run
 /// use lightoctree::footage::Shot;
-/// use lightoctree::insert::{Inserter, Instance, Lighting, Placement, Quality};
-/// use lightoctree::{Document, LightPurpose, events, imaging};
+/// use lightoctree::geometry::RigidTransform;
+/// use lightoctree::insert::{Align, Inserter, Instance, Lighting, Placement, Quality};
+/// use lightoctree::mesh::PreparedModel;
+/// use lightoctree::{Document, LightPurpose, builtin_model, events, imaging};
 ///
-/// # let (sphere, placement, track): (_, Placement, Vec<lightoctree::geometry::RigidTransform>) = todo!();
-/// # let sphere: lightoctree::model::PreparedModel = sphere;
-/// let lit = Document::read("room.scene")?.lit(LightPurpose::Objects { at_m: placement.position_m })?;
+/// let document = Document::read("room.scene")?;
+/// let sphere = PreparedModel::new(builtin_model("sphere")?);
+/// let placement = Placement::rest_on_pixel(&document.estimate, 320.0, 400.0, Align::Gravity)?.scaled(0.2);
+/// let lit = document.lit(LightPurpose::Objects { at_m: placement.position_m })?;
 /// let inserter = Inserter::new(&lit, Lighting::Octree, Quality::Normal)?;
+/// // From the camera of each plate to one world; the scene is that of plate 0.
+/// let track = vec![RigidTransform::IDENTITY; 24];
 /// let mut shot = Shot::new(&lit, &track, 0)?;
 /// for index in 0..track.len() {
 ///     let photo = imaging::read_photo(format!("shot_{index:04}.jpg"))?.photo;
