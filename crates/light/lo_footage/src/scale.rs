@@ -32,10 +32,10 @@ const MOST: f32 = 0.4;
 const OUTSIDE: f32 = 0.3;
 
 /// Distance from an object within which pixels count most, as a share of its distance from the camera.
-const NEAR: f32 = 0.25;
+const NEAR: f32 = 0.08;
 
 /// Weight of a pixel far from all objects.
-const FAR_WEIGHT: f32 = 0.05;
+const FAR_WEIGHT: f32 = 0.01;
 
 /// Least decrease of a plate's error from the median of all scales to the best. Others show too little of what the
 /// scene's photo shows.

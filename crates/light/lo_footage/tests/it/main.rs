@@ -105,8 +105,8 @@ fn surfaces_are_where_another_camera_sees_them() {
     };
     assert!(shown.len() > 20_000 && others.len() > 3000, "{} {}", shown.len(), others.len());
     assert!(quantile(&mut shown, 0.95) < 0.01, "{}", quantile(&mut shown, 0.95));
-    // Planes of the room are exact. The cupboard's hidden side, seen at a grazing angle, has leaves of 9 cm, and so has its
-    // outline before the wall.
+    // Planes of the room are exact. The cupboard's hidden side, seen at a grazing angle, has leaves of 9 cm, and so has
+    // its outline before the wall.
     assert!(quantile(&mut others, 0.5) < 0.002, "{}", quantile(&mut others, 0.5));
     assert!(quantile(&mut others, 0.75) < 0.002, "{}", quantile(&mut others, 0.75));
     assert!(quantile(&mut others, 0.85) < 0.08, "{}", quantile(&mut others, 0.85));
