@@ -267,7 +267,7 @@ impl Document {
     /// # Errors
     /// The errors of [`Document::mesh`], and [`ModelError::Material`] if a material is invalid.
     pub fn models(&self, layout: &Layout) -> Result<Models, ModelError> {
-        Models::load_by(layout, Path::new(""), |object| self.mesh(&object.mesh.to_string_lossy()))
+        Models::load_by(layout, Path::new(""), |object| Ok((self.mesh(&object.mesh.to_string_lossy())?, None)))
     }
 }
 

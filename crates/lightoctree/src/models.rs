@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use lo_insert::{Layout, LayoutObject};
-use lo_mesh::{AnimatedModel, LoadOptions, MeshWarning, Model, PreparedModel};
+use lo_mesh::{AnimatedModel, LoadOptions, MeshError, MeshWarning, Model, PreparedModel};
 
 use crate::ModelError;
 use crate::builtin::builtin_mesh;
@@ -28,34 +28,32 @@ impl Models {
     /// - [`ModelError::Mesh`] or [`ModelError::Material`] if a file cannot be read or is invalid.
     /// - [`ModelError::Builtin`] if no built-in model has the name.
     pub fn load(layout: &Layout, folder: &Path) -> Result<Self, ModelError> {
-        let mut models = Self::load_by(layout, folder, |object| {
+        Self::load_by(layout, folder, |object| {
             if let Some(model) = object.mesh.to_str().map_or(Ok(None), builtin_mesh)? {
-                return Ok(model);
+                // No built-in model has animations.
+                return match &object.animation {
+                    Some(name) => Err(MeshError::NoAnimation { name: name.clone(), names: Vec::new() }.into()),
+                    None => Ok((model, None)),
+                };
             }
             let file = folder.join(&object.mesh);
-            Ok(match &object.animation {
-                Some(animation) => AnimatedModel::load(file, animation)?.at(0.0)?,
-                None => Model::load(file, &LoadOptions::default())?,
-            })
-        })?;
-        for (object, &index) in layout.objects().iter().zip(&models.model_indices) {
-            if let (Some(name), None) = (&object.animation, &models.animations[index]) {
-                let model = AnimatedModel::load(folder.join(&object.mesh), name)?;
-                let animation = ModelAnimation { model, object: object.clone(), folder: folder.to_owned() };
-                models.animations[index] = Some(animation);
-            }
-        }
-        Ok(models)
+            let Some(animation) = &object.animation else {
+                return Ok((Model::load(file, &LoadOptions::default())?, None));
+            };
+            let animated = AnimatedModel::load(file, animation)?;
+            Ok((animated.at(0.0)?, Some(animated)))
+        })
     }
 
-    /// Loads the meshes by `mesh`, and the layout's materials from `folder`.
+    /// Loads the meshes, with their animations, by `mesh`, and the layout's materials from `folder`.
     pub(crate) fn load_by(
         layout: &Layout,
         folder: &Path,
-        mesh: impl Fn(&LayoutObject) -> Result<Model, ModelError>,
+        mesh: impl Fn(&LayoutObject) -> Result<(Model, Option<AnimatedModel>), ModelError>,
     ) -> Result<Self, ModelError> {
         let objects = layout.objects();
         let (mut models, mut model_indices): (Vec<PreparedModel>, Vec<usize>) = (Vec::new(), Vec::new());
+        let mut animations = Vec::new();
         for (i, object) in objects.iter().enumerate() {
             let is_same = |other: &LayoutObject| {
                 (&other.mesh, &other.animation, &other.material) == (&object.mesh, &object.animation, &object.material)
@@ -64,14 +62,18 @@ impl Models {
             model_indices.push(match known {
                 Some(known) => known,
                 None => {
-                    let mut model = mesh(object)?;
+                    let (mut model, animated) = mesh(object)?;
                     apply_material(&mut model, object, folder)?;
+                    animations.push(animated.map(|model| ModelAnimation {
+                        model,
+                        object: object.clone(),
+                        folder: folder.to_owned(),
+                    }));
                     models.push(PreparedModel::new(model));
                     models.len() - 1
                 }
             });
         }
-        let animations = models.iter().map(|_| None).collect();
         Ok(Self { models, animations, model_indices })
     }
 

@@ -8,7 +8,7 @@
 //!   the room's planes and the octree. The same surfaces serve all plates, so that mattes and shadows do not flicker.
 //! - *Exposure*: by pixels that show one surface in the plate and in the scene's photo.
 //!
-//! What moves in the room is not in the scene and hides nothing, unless the plate has depth of its own.
+//! People and things that move in front of an object hide it only in plates with measured depth.
 
 mod error;
 mod reference;

@@ -150,9 +150,4 @@ impl<'a> Shot<'a> {
         let neighbours = [self.pose(index.saturating_sub(1))?, self.pose((index + 1).min(last))?];
         Ok(Plate { frame, distorted, room_from_camera, neighbours, predicted_depth })
     }
-
-    /// Returns how many stops the last prepared plate is brighter than the scene's photo.
-    pub fn brighter_ev(&self) -> f32 {
-        self.brighter_ev
-    }
 }
