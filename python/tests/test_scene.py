@@ -224,3 +224,32 @@ def test_scenes_show_themselves(scene: Scene, tmp_path: Path) -> None:
         assert np.array_equal(np.asarray(shown), scene.photo)
     assert repr(scene).startswith("<lightoctree.Scene: photo of 480 × 360 pixels, octree of depth 7 with ")
     assert repr(scene.octree).startswith("<lightoctree.Octree: depth 7, ")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "arguments"),
+    [
+        ("room.glb", {}, ["--to", "glb"]),
+        ("room.ply", {"light": "even"}, ["--to", "ply", "--light", "even"]),
+        ("room.usda", {"level": True, "probes": [AT]}, ["--to", "usda", "--level", "--probe-at", AT_TEXT]),
+    ],
+)
+def test_exports_are_those_of_the_command(
+    name: str, options: dict[str, Any], arguments: list[object], scene: Scene, scene_file: Path, cli: Cli, tmp_path: Path
+) -> None:
+    (tmp_path / "own").mkdir()
+    cli("export", scene_file, *arguments, "-o", name)
+    files = scene.export(tmp_path / "own" / name, **options)
+    assert files[0] == tmp_path / "own" / name
+    expected = sorted(file for file in tmp_path.iterdir() if file.is_file())
+    assert sorted(file.name for file in files) == [file.name for file in expected]
+    for file in expected:
+        assert (tmp_path / "own" / file.name).read_bytes() == file.read_bytes(), file.name
+
+
+def test_exports_to_unknown_formats_are_refused(scene: Scene, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"room.fbx: the extension must be one of .ply, .glb, .usda, .usd"):
+        scene.export(tmp_path / "room.fbx")
+    with pytest.raises(FileNotFoundError):
+        scene.export(tmp_path / "missing" / "room.glb")
+    assert not list(tmp_path.iterdir())

@@ -9,6 +9,7 @@ mod composite;
 mod data;
 mod errors;
 mod estimate;
+mod export;
 mod inputs;
 mod insert;
 mod job;

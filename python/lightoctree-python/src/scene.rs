@@ -15,6 +15,7 @@ use pyo3::types::{PyBytes, PyType};
 use crate::choice::{self, point};
 use crate::composite::Composite;
 use crate::errors::Failure;
+use crate::export::Export;
 use crate::insert::{Insertion, Sequence};
 use crate::job::{self, Handler, Reporter};
 use crate::lights;
@@ -156,6 +157,30 @@ impl Scene {
         let panorama = self.panorama(py, at, SIZE, level, light)?;
         let found = py.detach(|| imaging::main_light(&panorama.radiance));
         found.map(|light| lights::of_json(py, "MainLight", &light)).transpose()
+    }
+
+    /// Writes the room for other programs, as the command `export` does: .ply, .glb or .usda. Returns the written files.
+    ///
+    /// With `level`, the scene is upright, the floor is at height 0, and the camera is above the origin. `probes` are
+    /// positions in the camera's frame whose panoramas are written beside the file. `light` is "even", "expected" or
+    /// "plausible"; by default that of the scene, else "plausible".
+    #[pyo3(
+        signature = (path, *, level = false, probes = Vec::new(), light = None),
+        text_signature = "($self, path, *, level=False, probes=(), light=None)"
+    )]
+    fn export(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        level: bool,
+        probes: Vec<[f64; 3]>,
+        light: Option<&str>,
+    ) -> PyResult<Vec<PathBuf>> {
+        let probes = probes.into_iter().map(|at| point("probes", at)).collect::<PyResult<_>>()?;
+        let export = Export::new(path, level, probes).map_err(|failure| failure.raise(py))?;
+        let mut document = self.document(py);
+        choose_light(&mut document, light)?;
+        job::run(py, Handler::Silent, move |reporter| export.write(&document, reporter))
     }
 
     /// Returns the position of the observed surface at a pixel of the photo, and its unit normal.

@@ -1,6 +1,7 @@
 from collections import abc
 from collections.abc import Callable, Iterable, Mapping
 from os import PathLike
+from pathlib import Path
 from typing import Any, Literal, Protocol, TypeAlias, final
 
 import numpy as np
@@ -85,6 +86,14 @@ class Scene:
     ) -> NDArray[np.float32]: ...
     def sh9(self, at: _Vector, level: bool = False, *, light: _LightMode | None = None) -> NDArray[np.float32]: ...
     def main_light(self, at: _Vector, level: bool = False, *, light: _LightMode | None = None) -> MainLight | None: ...
+    def export(
+        self,
+        path: _Path,
+        *,
+        level: bool = False,
+        probes: abc.Sequence[_Vector] = (),
+        light: _LightMode | None = None,
+    ) -> list[Path]: ...
     def surface_at_pixel(self, pixel: _Vector) -> tuple[tuple[float, float, float], tuple[float, float, float]]: ...
     def insert(
         self,
