@@ -76,7 +76,8 @@ def make(arguments, way, at):
     bpy.ops.object.shade_smooth()
     ball = bpy.context.object
     material = bpy.data.materials.new("matte")
-    material.use_nodes = True
+    if not material.use_nodes:
+        material.use_nodes = True  # Blender 5 always does
     shader = material.node_tree.nodes["Principled BSDF"]
     shader.inputs["Base Color"].default_value = (0.8, 0.8, 0.8, 1.0)
     shader.inputs["Roughness"].default_value = 1.0

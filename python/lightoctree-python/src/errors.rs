@@ -1,6 +1,7 @@
 use std::error::Error;
 use std::io;
 
+use lightoctree::export::ExportError;
 use lightoctree::imaging::ImageError;
 use lightoctree::insert::InsertError;
 use lightoctree::lights::LightsError;
@@ -122,6 +123,17 @@ impl From<DocumentError> for Failure {
         match error {
             // A transparent error is not among its causes.
             DocumentError::Scene(SceneError::Write(error)) => Self::new("SceneError", error),
+            error => Self::new("SceneError", error),
+        }
+    }
+}
+
+impl From<ExportError> for Failure {
+    fn from(error: ExportError) -> Self {
+        match error {
+            // Transparent errors are not among their causes.
+            ExportError::Io(error) => Self::new("SceneError", error),
+            ExportError::Image(error) => Self::new("SceneError", error),
             error => Self::new("SceneError", error),
         }
     }

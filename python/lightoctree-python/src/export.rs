@@ -55,8 +55,7 @@ impl Export {
             probes: &probes,
             lights: &lights,
         };
-        let written = export::write(&scene, &options, &self.path);
-        Ok(written.map_err(|error| Failure::new("SceneError", error))?.files)
+        Ok(export::write(&scene, &options, &self.path)?.files)
     }
 }
 
