@@ -215,8 +215,8 @@ pub mod scene {
 /// ```
 pub mod octree {
     pub use lo_octree::{
-        LeafNode, Level, LightOctree, MAX_DEPTH, NamedTensor, Octree, OctreeError, OctreeHeader, OctreeStats,
-        Provenance, key_from_xyz, node_middle_m, write_tensors, xyz_from_key,
+        BuildReport, LeafNode, Level, LightOctree, MAX_DEPTH, NamedTensor, Octree, OctreeError, OctreeHeader,
+        OctreeStats, Provenance, RadiancePoint, key_from_xyz, node_middle_m, write_tensors, xyz_from_key,
     };
 }
 
@@ -235,7 +235,7 @@ pub mod octree {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub mod cone {
-    pub use lo_cone::{Cone, ConeSample, ConeTracer, Rendering, Settings, TracerError};
+    pub use lo_cone::{Cone, ConeSample, ConeTracer, Gradients, Rendering, SampleGradient, Settings, TracerError};
 }
 
 /// The lights of a room, and edits of them.

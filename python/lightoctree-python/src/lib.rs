@@ -18,6 +18,7 @@ mod listener;
 mod octree;
 mod panorama;
 mod preview;
+mod render;
 mod scene;
 
 use std::ffi::OsString;
@@ -56,6 +57,8 @@ mod _lightoctree {
     use super::octree::{Octree, OctreeLevel};
     #[pymodule_export]
     use super::panorama::Panorama;
+    #[pymodule_export]
+    use super::render::{trace, trace_backward};
     #[pymodule_export]
     use super::scene::Scene;
 

@@ -7,7 +7,7 @@
     scene.insert({"mesh": "builtin:tea-set", "pixel": (1100, 1150)}).save("composite.png")
 """
 
-from lightoctree import data
+from lightoctree import data, render
 from lightoctree._errors import (
     DatasetError,
     EstimateError,
@@ -43,4 +43,5 @@ __all__ = [
     "__version__",
     "data",
     "estimate",
+    "render",
 ]

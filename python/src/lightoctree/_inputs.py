@@ -56,6 +56,19 @@ def image(argument: str, value: Any) -> str | bytes | NDArray[Any]:
     raise TypeError(f"{argument} is an array of {pixels.dtype}; expected uint8 or uint16 (sRGB), or floats (linear)")
 
 
+def floats(argument: str, value: Any, finite: bool = True) -> NDArray[Any]:
+    """Returns numbers as float32 in C order; with `finite`, NaN and infinity are refused."""
+    import numpy as np
+
+    array = _array(argument, value)
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"{argument} is an array of {array.dtype}; expected numbers")
+    values = np.asarray(array, dtype=np.float32, order="C")
+    if finite and not np.isfinite(values).all():
+        raise ValueError(f"{argument} contains NaN or infinite numbers")
+    return values
+
+
 def depth(value: Any) -> str | bytes:
     """Returns a path, or the bytes of an NPY file with the array."""
     if isinstance(value, (str, bytes, os.PathLike)):

@@ -47,6 +47,21 @@ def estimate(
     on_event: Callable[[Event], object] | None = None,
 ) -> Scene: ...
 def main() -> int: ...
+def trace(
+    octree: Octree,
+    origins: NDArray[np.float32],
+    directions: NDArray[np.float32],
+    tan_half_angles: NDArray[np.float32],
+    rgba: NDArray[np.float32] | None = None,
+) -> NDArray[np.float32]: ...
+def trace_backward(
+    octree: Octree,
+    origins: NDArray[np.float32],
+    directions: NDArray[np.float32],
+    tan_half_angles: NDArray[np.float32],
+    d_samples: NDArray[np.float32],
+    rgba: NDArray[np.float32] | None = None,
+) -> NDArray[np.float32]: ...
 def rooms(count: int, *, seed: int = 0, config: Mapping[str, Any] | None = None) -> Dataset: ...
 def read(path: _Path, *, seed: int = 0) -> Dataset: ...
 @final
@@ -166,6 +181,18 @@ class Composite:
 
 @final
 class Octree:
+    @classmethod
+    def from_points(
+        cls,
+        positions_m: ArrayLike | _DLPack,
+        radiance: ArrayLike | _DLPack,
+        *,
+        depth: int = 7,
+        full_depth: int = 3,
+        cube: tuple[float, float, float, float] | None = None,
+    ) -> Octree: ...
+    @property
+    def rgba(self) -> NDArray[np.float32]: ...
     @property
     def depth(self) -> int: ...
     @property
