@@ -52,7 +52,7 @@ def trace(
     origins: NDArray[np.float32],
     directions: NDArray[np.float32],
     tan_half_angles: NDArray[np.float32],
-    rgba: NDArray[np.float32] | None = None,
+    rgba: NDArray[np.float32] | None,
 ) -> NDArray[np.float32]: ...
 def trace_backward(
     octree: Octree,
@@ -60,7 +60,7 @@ def trace_backward(
     directions: NDArray[np.float32],
     tan_half_angles: NDArray[np.float32],
     d_samples: NDArray[np.float32],
-    rgba: NDArray[np.float32] | None = None,
+    rgba: NDArray[np.float32] | None,
 ) -> NDArray[np.float32]: ...
 def rooms(count: int, *, seed: int = 0, config: Mapping[str, Any] | None = None) -> Dataset: ...
 def read(path: _Path, *, seed: int = 0) -> Dataset: ...

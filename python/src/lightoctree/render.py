@@ -42,8 +42,8 @@ def trace(
     rgba
         Radiance and opacity of the octree's rows, [rows, 4], instead of `octree.rgba`.
     """
-    shape, cones = _cones(origins, directions, tan_half_angle)
-    return _lightoctree.trace(octree, *cones, _features(rgba)).reshape(*shape, 5)
+    shape, (apexes, axes, tangents) = _cones(origins, directions, tan_half_angle)
+    return _lightoctree.trace(octree, apexes, axes, tangents, _features(rgba)).reshape(*shape, 5)
 
 
 def trace_backward(
@@ -60,11 +60,12 @@ def trace_backward(
     `d_samples` [..., 5] are the derivatives of the loss by the samples that `trace` returns for the same arguments.
     The result is exact, except that it is 0 for an opacity outside of [0, 0.9999], where tracing clamps it.
     """
-    shape, cones = _cones(origins, directions, tan_half_angle)
+    shape, (apexes, axes, tangents) = _cones(origins, directions, tan_half_angle)
     derivatives = floats("d_samples", d_samples)
     if derivatives.shape != (*shape, 5):
         raise ValueError(f"d_samples has the shape {derivatives.shape}; expected {(*shape, 5)}")
-    return _lightoctree.trace_backward(octree, *cones, derivatives.reshape(-1, 5), _features(rgba))
+    rows = derivatives.reshape(-1, 5)
+    return _lightoctree.trace_backward(octree, apexes, axes, tangents, rows, _features(rgba))
 
 
 def panorama_rays(height: int) -> tuple[NDArray[np.float32], float]:
@@ -83,7 +84,9 @@ def panorama_rays(height: int) -> tuple[NDArray[np.float32], float]:
     return directions, float(np.tan(pitch / 2))
 
 
-def _cones(origins: Any, directions: Any, tan_half_angle: Any) -> tuple[tuple[int, ...], list[NDArray[np.float32]]]:
+def _cones(
+    origins: Any, directions: Any, tan_half_angle: Any
+) -> tuple[tuple[int, ...], tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]]:
     """Returns the common shape of the cones, and their origins, unit directions and tangents as rows."""
     import numpy as np
 
@@ -99,9 +102,9 @@ def _cones(origins: Any, directions: Any, tan_half_angle: Any) -> tuple[tuple[in
     if (tangents < 0).any():
         raise ValueError("tan_half_angle must not be negative")
     axes = (axes / lengths).astype(np.float32)
-    rows = [np.broadcast_to(vectors, (*shape, 3)).reshape(-1, 3) for vectors in (apexes, axes)]
-    flat = [*rows, np.broadcast_to(tangents, shape).reshape(-1)]
-    return shape, [np.ascontiguousarray(values) for values in flat]
+    flat = [np.broadcast_to(vectors, (*shape, 3)).reshape(-1, 3) for vectors in (apexes, axes)]
+    first, second = (np.ascontiguousarray(vectors) for vectors in flat)
+    return shape, (first, second, np.ascontiguousarray(np.broadcast_to(tangents, shape).reshape(-1)))
 
 
 def _features(rgba: Any) -> NDArray[np.float32] | None:
