@@ -3,6 +3,7 @@
 
 mod support;
 
+mod animation;
 mod cli;
 #[cfg(feature = "depth-models")]
 mod depth_models;
