@@ -3,6 +3,8 @@
 
 mod support;
 
+#[cfg(feature = "weights")]
+mod batch;
 mod cli;
 #[cfg(feature = "depth-models")]
 mod depth_models;
