@@ -198,7 +198,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("probes");
         prepare_folder(&path, "manifest.json", "probes", false).unwrap();
-        let temporary = lo_imaging::temporary_beside(&path.join(".")).unwrap();
+        let temporary = lo_imaging::temporary_beside(&path.join("manifest.json")).unwrap();
         assert!(path.join(temporary.path().file_name().unwrap()).exists());
         prepare_folder(&path, "manifest.json", "probes", false).unwrap();
         std::fs::write(path.join("letter.txt"), "dear").unwrap();

@@ -143,7 +143,6 @@ class Estimate:
         self._fs, self._output = _opened(output, filesystem)
         self._root = None if root is None else _opened(root, None)[1]
         self._scenes, self._envmap, self._options = scenes, envmap, options
-        self._folder = tempfile.TemporaryDirectory(prefix="lightoctree-")
         self._check_settings()
 
     def __call__(self, batch: Any) -> pa.Table:
@@ -187,18 +186,18 @@ class Estimate:
 
     def _results(self, path: str, name: str, given: Any) -> dict[str, bytes]:
         """Returns the bytes of the result files."""
-        scene = self._estimate(path, name, given)
         results = {}
-        if self._envmap is not None:
-            file = Path(self._folder.name, "envmap.exr")
-            scene.save_environment(file, **self._envmap)
-            results["envmap"] = file.read_bytes()
-            file.unlink()
+        with tempfile.TemporaryDirectory(prefix="lightoctree-") as folder:
+            scene = self._estimate(path, Path(folder, posixpath.basename(name)), given)
+            if self._envmap is not None:
+                file = Path(folder, "envmap.exr")
+                scene.save_environment(file, **self._envmap)
+                results["envmap"] = file.read_bytes()
         if self._scenes:
             results["scene"] = scene.to_bytes()
         return results
 
-    def _estimate(self, path: str, name: str, given: Any) -> Scene:
+    def _estimate(self, path: str, copy: Path, given: Any) -> Scene:
         if isinstance(given, np.ndarray):
             return estimate(given, **self._options)
         if given is None:
@@ -207,15 +206,12 @@ class Estimate:
                 return estimate(inside, **self._options)
             with source.open_input_file(inside) as file:
                 given = file.read()
-        # With its name, which the scene stores.
-        photo = Path(self._folder.name, posixpath.basename(name))
-        photo.write_bytes(given)
+        # A file with the photo's name, which the scene stores.
+        copy.write_bytes(given)
         try:
-            return estimate(photo, **self._options)
+            return estimate(copy, **self._options)
         except (LightOctreeError, OSError) as error:
-            raise LightOctreeError(_text(error).replace(str(photo), path)) from error
-        finally:
-            photo.unlink()
+            raise LightOctreeError(_text(error).replace(str(copy), path)) from error
 
     def _name(self, path: str) -> str:
         """Returns the path of a photo in the root folder."""
@@ -283,9 +279,11 @@ def rooms(count: int, *, seed: int = 0, config: Mapping[str, Any] | None = None)
     # Wrong configurations are refused here.
     data.rooms(count, seed=seed, config=config)
     arguments = {"count": count, "seed": seed, "config": None if config is None else dict(config)}
+    # Ray's type of a function has no further arguments.
+    generate: Any = _room_rows
     # Generated on demand: a block of the range for each room.
     numbers = ray.data.range(count, override_num_blocks=max(1, min(count, 1000)))
-    return numbers.map_batches(_room_rows, batch_size=1, fn_kwargs=arguments)
+    return numbers.map_batches(generate, batch_size=1, fn_kwargs=arguments)
 
 
 def _room_rows(
