@@ -14,6 +14,7 @@ docs/cluster.md describes columns, files and failures.
 
 from __future__ import annotations
 
+import importlib.util
 import inspect
 import json
 import os
@@ -34,11 +35,11 @@ from lightoctree import data
 from lightoctree._errors import LightOctreeError, LightOctreeWarning
 from lightoctree._lightoctree import Scene, __version__, estimate
 
-try:
-    import pyarrow as pa
-    from pyarrow import fs
-except ImportError as error:
-    raise ImportError("lightoctree.ray needs Ray and PyArrow: pip install 'lightoctree[ray]'") from error
+if importlib.util.find_spec("ray") is None or importlib.util.find_spec("pyarrow") is None:
+    raise ImportError("lightoctree.ray needs Ray and PyArrow: pip install 'lightoctree[ray]'")
+
+import pyarrow as pa
+from pyarrow import fs
 
 if TYPE_CHECKING:
     import ray.data
