@@ -1,9 +1,9 @@
 """Estimates photos on a local Ray cluster of two nodes, one of which is killed in the middle, and measures throughput.
 
-    python checks/ray_workers.py PHOTOS [--kill worker|node] [--throughput]
+    python checks/ray_workers.py PHOTOS [--kill worker|node] [--throughput] [--expected FOLDER]
 
 It needs the wheel of the package and `pip install 'lightoctree[ray]'`. PHOTOS is a folder. The results are compared with
-those of the command `batch` in one process.
+those of the command `batch` in one process, which are kept in FOLDER.
 """
 
 from __future__ import annotations
@@ -85,9 +85,11 @@ def main() -> None:
     parser.add_argument("photos", type=Path)
     parser.add_argument("--kill", choices=["worker", "node"])
     parser.add_argument("--throughput", action="store_true")
+    parser.add_argument("--expected", type=Path)
     args = parser.parse_args()
     photos = args.photos.resolve()
     folder = Path(tempfile.mkdtemp())
+    one_process = args.expected or folder / "expected"
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
     nodes = [cluster.add_node(num_cpus=1) for _ in range(2)]
     try:
@@ -103,8 +105,8 @@ def main() -> None:
             print(f"ratio {rates[1] / rates[0]:.2f}")
         if args.kill:
             program = Path(sys.executable).with_name("lightoctree")
-            subprocess.run([program, "batch", photos, "-o", folder / "expected", "--quiet"], check=True)
-            expected = contents(folder / "expected")
+            subprocess.run([program, "batch", photos, "-o", one_process, "--quiet"], check=True)
+            expected = contents(one_process)
 
             def kill() -> None:
                 if args.kill == "worker":

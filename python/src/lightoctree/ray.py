@@ -38,8 +38,8 @@ from lightoctree._lightoctree import Scene, __version__, estimate
 if importlib.util.find_spec("ray") is None or importlib.util.find_spec("pyarrow") is None:
     raise ImportError("lightoctree.ray needs Ray and PyArrow: pip install 'lightoctree[ray]'")
 
-import pyarrow as pa
-from pyarrow import fs
+import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
+from pyarrow import fs  # type: ignore[import-untyped, unused-ignore]
 
 if TYPE_CHECKING:
     import ray.data
