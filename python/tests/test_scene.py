@@ -253,3 +253,27 @@ def test_exports_to_unknown_formats_are_refused(scene: Scene, tmp_path: Path) ->
     with pytest.raises(FileNotFoundError):
         scene.export(tmp_path / "missing" / "room.glb")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "arguments"),
+    [
+        ("light.exr", {"level": True, "orientation": "blender"}, ["--level", "--orientation", "blender"]),
+        ("half.exr", {"half": True}, ["--half"]),
+        ("light.hdr", {"light": "even"}, ["--light", "even"]),
+    ],
+)
+def test_saved_environments_are_those_of_the_command(
+    name: str, options: dict[str, Any], arguments: list[object], scene: Scene, scene_file: Path, cli: Cli, tmp_path: Path
+) -> None:
+    cli("envmap", scene_file, "--at", AT_TEXT, "--size", "64x32", *arguments, "-o", name)
+    scene.save_environment(tmp_path / f"own-{name}", AT, (64, 32), **options)
+    assert (tmp_path / f"own-{name}").read_bytes() == (tmp_path / name).read_bytes()
+
+
+def test_environments_that_cannot_be_saved_are_refused(scene: Scene, tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        scene.save_environment(tmp_path / "missing" / "light.exr", AT, (64, 32))
+    with pytest.raises(ValueError, match=r"light.gif"):
+        scene.save_environment(tmp_path / "light.gif", AT, (64, 32))
+    assert not list(tmp_path.iterdir())

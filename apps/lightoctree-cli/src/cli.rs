@@ -32,6 +32,8 @@ pub enum Command {
     Demo(commands::demo::Args),
     /// Estimate a scene from a photo, with or without depth
     Estimate(commands::estimate::Args),
+    /// Estimate a scene from each of many photos, on one machine or in parts on several
+    Batch(Box<commands::batch::Args>),
     /// Render an HDR environment map at a point of a scene
     Envmap(commands::envmap::Args),
     /// Render HDR environment maps at many points of a scene

@@ -76,6 +76,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
     match &cli.command {
         Command::Demo(args) => commands::demo::run(global, args),
         Command::Estimate(args) => commands::estimate::run(global, args),
+        Command::Batch(args) => commands::batch::run(global, args),
         Command::Envmap(args) => commands::envmap::run(global, args),
         Command::Probes(args) => commands::probes::run(global, args),
         Command::Insert(args) => commands::insert::run(global, args),

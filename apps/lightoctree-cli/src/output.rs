@@ -20,6 +20,9 @@ pub fn signature(command: &str) -> String {
 /// Bytes at the beginning of an existing file that are searched for the signature.
 const SEARCHED_BYTES: u64 = 16 * 1024;
 
+/// Start of the names of [`lo_imaging::temporary_beside`].
+const TEMPORARY: &str = ".lightoctree-";
+
 /// Extensions of radiance images.
 pub const RADIANCE: &[&str] = &["exr", "hdr", "pfm"];
 /// Extensions of photos and composites.
@@ -108,8 +111,11 @@ pub fn check_scene(path: &Path, command: &str, force: bool) -> anyhow::Result<()
 /// [`Usage`] if it contains other files, or is none.
 pub fn check_folder(path: &Path, manifest: &str, command: &str, force: bool) -> anyhow::Result<()> {
     match std::fs::read_dir(path) {
-        Ok(mut entries) => {
-            let empty = entries.next().is_none();
+        Ok(entries) => {
+            // A run that begins at the same time may be writing its manifest.
+            let is_temporary =
+                |entry: &std::fs::DirEntry| entry.file_name().as_encoded_bytes().starts_with(TEMPORARY.as_bytes());
+            let empty = entries.filter_map(Result::ok).all(|entry| is_temporary(&entry));
             if !empty && !path.join(manifest).exists() && !force {
                 return Err(Usage(format!(
                     "{} is not empty and contains no {manifest} of an earlier run; choose another folder, or write into it with \
@@ -191,6 +197,9 @@ mod tests {
     fn folders_with_other_things_are_left_alone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("probes");
+        prepare_folder(&path, "manifest.json", "probes", false).unwrap();
+        let temporary = lo_imaging::temporary_beside(&path.join("manifest.json")).unwrap();
+        assert!(path.join(temporary.path().file_name().unwrap()).exists());
         prepare_folder(&path, "manifest.json", "probes", false).unwrap();
         std::fs::write(path.join("letter.txt"), "dear").unwrap();
         assert!(prepare_folder(&path, "manifest.json", "probes", false).unwrap_err().is::<Usage>());

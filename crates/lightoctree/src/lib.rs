@@ -352,11 +352,13 @@ pub mod export {
 /// Third-party depth networks in ONNX files.
 ///
 /// ```no_run
+/// use std::sync::Arc;
+///
 /// use lightoctree::depth_models::DepthModel;
 /// use lightoctree::{DepthSource, EstimateOptions, Estimator, PhotoRequest, events, imaging};
 ///
 /// let photo = imaging::read_photo("room.jpg")?;
-/// let depth = DepthSource::Model(Box::new(DepthModel::read("depth_anything_v2.onnx", None)?));
+/// let depth = DepthSource::Model(Arc::new(DepthModel::read("depth_anything_v2.onnx", None)?));
 /// let estimator = Estimator::shipped()?;
 /// let resolved = estimator.resolve(PhotoRequest { photo, camera: None, distortion: None, depth }, &mut events::ignore)?;
 /// let estimate = estimator.estimate(resolved.input, &EstimateOptions::default(), &mut events::ignore)?;

@@ -1,5 +1,5 @@
 use std::path::PathBuf;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use lightoctree::depth_models::DepthModel;
 use lightoctree::{CheckpointError, DepthSource, Document, EstimateOptions, Estimator, PanoramaPrior, PhotoRequest};
@@ -151,7 +151,7 @@ impl Job {
             Depth::Map(DepthKind::Inverse, map) => DepthSource::Inverse(map.inverse()?),
             Depth::Model(path) => {
                 let model = DepthModel::read(path, None).map_err(|error| Failure::new("EstimateError", error))?;
-                DepthSource::Model(Box::new(model))
+                DepthSource::Model(Arc::new(model))
             }
         };
         let request = PhotoRequest { photo, camera, distortion, depth };

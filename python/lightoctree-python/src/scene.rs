@@ -3,10 +3,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::Vec3;
-use lightoctree::imaging::{self, Sh9};
+use lightoctree::imaging::{self, Sh9, ToneCurve};
 use lightoctree::insert::surface_at_pixel;
 use lightoctree::{Document, InferredLight, LevelFrame, LightMode, LightPurpose, LightTuning, LitScene, SceneRenderer};
-use lightoctree_cli::commands::environment::unusual_position;
+use lightoctree_cli::commands::environment::{self, PanoramaFileArgs, unusual_position};
+use lightoctree_cli::commands::level::OutputFrame;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
@@ -135,6 +136,37 @@ impl Scene {
         light: Option<&str>,
     ) -> PyResult<Bound<'py, PyAny>> {
         arrays::of_rgb(py, self.panorama(py, at, size, level, light)?.radiance)
+    }
+
+    /// Writes the HDR panorama at a position, as the command `envmap` does: .exr, .hdr or .pfm.
+    ///
+    /// `orientation` is named after a program that uses it: "lightoctree", "openexr", "threejs" or "blender". With
+    /// `half`, EXR has 16-bit floats. The other parameters are those of `environment`.
+    #[pyo3(
+        signature = (path, at, size = SIZE, level = false, *, light = None, orientation = "lightoctree", half = false),
+        text_signature = "($self, path, at, size=(512, 256), level=False, *, light=None, orientation='lightoctree', \
+                          half=False)"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn save_environment(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        at: [f64; 3],
+        size: (usize, usize),
+        level: bool,
+        light: Option<&str>,
+        orientation: &str,
+        half: bool,
+    ) -> PyResult<()> {
+        let orientation = choice::orientation(orientation)?;
+        let options = PanoramaFileArgs { orientation, half, preview: false, tone: ToneCurve::Clip, preview_ev: 0.0 };
+        let panorama = self.panorama(py, at, size, level, light)?.radiance;
+        let estimate = self.document(py).estimate;
+        let frame = OutputFrame::of(estimate.room.as_ref().filter(|_| level).map(LevelFrame::new));
+        let at = Some((point("at", at)?, &frame));
+        py.detach(|| environment::write(&path, &panorama, at, &options, "envmap"))
+            .map_err(|error| Failure::Library("ImageError", error.into()).raise(py))
     }
 
     /// Returns nine spherical harmonics of the light at a position: float32 [9, 3], in the order and with the

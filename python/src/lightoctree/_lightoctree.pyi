@@ -99,6 +99,17 @@ class Scene:
         *,
         light: _LightMode | None = None,
     ) -> NDArray[np.float32]: ...
+    def save_environment(
+        self,
+        path: _Path,
+        at: _Vector,
+        size: tuple[int, int] = (512, 256),
+        level: bool = False,
+        *,
+        light: _LightMode | None = None,
+        orientation: _Orientation = "lightoctree",
+        half: bool = False,
+    ) -> None: ...
     def sh9(self, at: _Vector, level: bool = False, *, light: _LightMode | None = None) -> NDArray[np.float32]: ...
     def main_light(self, at: _Vector, level: bool = False, *, light: _LightMode | None = None) -> MainLight | None: ...
     def export(

@@ -17,7 +17,7 @@ pub struct DepthModelArgs {
     /// MoGe-2 also predicts the field of view, used unless EXIF or an option gives it; MoGe-2 and Metric3D v2 predict
     /// normals. Relative depth (Depth Anything V2 small, base and large) is fitted to the metric depth of the built-in
     /// network.
-    #[arg(long, value_name = "FILE", conflicts_with = "depth")]
+    #[arg(long, value_name = "FILE")]
     depth_model: Option<PathBuf>,
 
     /// TOML file that describes the network's input and output; without it, an error prints a template for unknown
@@ -27,6 +27,11 @@ pub struct DepthModelArgs {
 }
 
 impl DepthModelArgs {
+    /// Returns the given options, for comparison with those of another run.
+    pub fn settings(&self) -> serde_json::Value {
+        serde_json::json!({ "file": self.depth_model, "config": self.depth_model_config })
+    }
+
     /// Path of the ONNX file, if one is given.
     pub fn path(&self) -> Option<&Path> {
         self.depth_model.as_deref()

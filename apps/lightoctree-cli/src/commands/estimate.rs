@@ -1,22 +1,24 @@
 //! `lightoctree estimate PHOTO…`: estimates a scene from a photo, or from several photos of a room with depth.
 
 use std::path::{Path, PathBuf};
+#[cfg(feature = "depth-models")]
+use std::sync::Arc;
 
 use clap::ValueEnum;
 use lightoctree::{
-    DepthSource, Document, Estimate, EstimateError, EstimateOptions, Estimator, PanoramaPrior, PhotoRequest,
+    DepthSource, Document, Estimate, EstimateError, EstimateOptions, Estimator, OnEvent, PanoramaPrior, PhotoRequest,
     ResolvedPhoto,
 };
 #[cfg(feature = "depth-models")]
 use lo_depth_models::DepthModel;
 use lo_geometry::{Camera, Vec3};
 use lo_imaging as imaging;
-use lo_imaging::SpecialProjection;
+use lo_imaging::{PhotoFile, SpecialProjection};
 use lo_scene::{CameraSource, Completion};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
-use super::lens::LensArgs;
+use super::lens::{GivenLens, LensArgs};
 use super::panorama_prior::{self, PanoramaPriorArgs};
 use super::parse;
 use super::photos::{self, PhotosArgs};
@@ -54,6 +56,7 @@ pub struct Args {
     /// arrays the one named depth, depth_m, pred or arr_0 is read. For several photos, give one file per photo in the
     /// same order.
     #[arg(long, value_name = "FILE", num_args = 1..)]
+    #[cfg_attr(feature = "depth-models", arg(conflicts_with = "depth_model"))]
     depth: Vec<PathBuf>,
 
     #[command(flatten)]
@@ -74,20 +77,8 @@ pub struct Args {
     #[command(flatten)]
     lens: LensArgs,
 
-    /// Depth of the octree, 5 to 9; leaves at depth 7 are 1/128 of the cube [default: 7]
-    ///
-    /// Only observed regions reach this depth. In inferred regions the depth is that of the light network, 6 for the
-    /// built-in one.
-    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(5..=9))]
-    octree_depth: Option<u32>,
-
-    /// Method to complete unobserved regions of the room [default: network]
-    #[arg(long, value_name = "HOW", value_parser = choice(&COMPLETIONS))]
-    completion: Option<Completion>,
-
-    /// File with trained weights of the networks [default: the built-in weights]
-    #[arg(long, value_name = "FILE")]
-    weights: Option<PathBuf>,
+    #[command(flatten)]
+    method: MethodArgs,
 
     /// Up direction in the camera's frame [default: from the surfaces; if depth is predicted, estimated from the photo]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
@@ -98,6 +89,25 @@ pub struct Args {
 
     #[command(flatten)]
     out: OutputArgs,
+}
+
+/// Options of the method, shared with `batch`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct MethodArgs {
+    /// Depth of the octree, 5 to 9; leaves at depth 7 are 1/128 of the cube [default: 7]
+    ///
+    /// Only observed regions reach this depth. In inferred regions the depth is that of the light network, 6 for the
+    /// built-in one.
+    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(5..=9))]
+    pub octree_depth: Option<u32>,
+
+    /// Method to complete unobserved regions of the room [default: network]
+    #[arg(long, value_name = "HOW", value_parser = choice(&COMPLETIONS))]
+    pub completion: Option<Completion>,
+
+    /// File with trained weights of the networks [default: the built-in weights]
+    #[arg(long, value_name = "FILE")]
+    pub weights: Option<PathBuf>,
 }
 
 /// Origin of a depth map.
@@ -116,7 +126,7 @@ enum DepthArg {
 }
 
 /// Methods to complete unobserved regions.
-static COMPLETIONS: [Choice<Completion>; 3] = [
+pub static COMPLETIONS: [Choice<Completion>; 3] = [
     ("network", Completion::Network, "Light network"),
     ("shell", Completion::Shell, "Planes fitted to the observed surfaces, with extrapolated radiance"),
     ("none", Completion::None, "No completion: only observed radiance"),
@@ -146,7 +156,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             args.photos.check_unused()?;
             let depth = depths.first();
             #[cfg(feature = "depth-models")]
-            let depth = model.map_or(Depth::File(depth), |model| Depth::Model(Box::new(model)));
+            let depth = model.map_or(Depth::File(depth), |model| Depth::Model(Arc::new(model)));
             #[cfg(not(feature = "depth-models"))]
             let depth = Depth::File(depth);
             let resolved = photo(args, path, depth, &estimator, &mut stages)?;
@@ -164,16 +174,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             photos.input
         }
     };
-    let scene =
-        estimator.estimate(input, &options, &mut |event| stages.handle(event)).map_err(|error| match error {
-            EstimateError::OctreeDepth { .. } => {
-                Usage(format!("--octree-depth: {error}; omit it or choose another --completion")).into()
-            }
-            EstimateError::PanoramaWithoutRoom => {
-                Usage(format!("--panorama: {error}; choose another --completion")).into()
-            }
-            error => anyhow::Error::from(error),
-        })?;
+    let scene = estimator.estimate(input, &options, &mut |event| stages.handle(event)).map_err(estimate_error)?;
     if let Some(panorama) = &scene.panorama {
         stages.note(&panorama_prior::description(&panorama.source));
     }
@@ -220,7 +221,7 @@ fn check_no_edits(path: &Path) -> anyhow::Result<()> {
 enum Depth<'a> {
     File(Option<&'a PathBuf>),
     #[cfg(feature = "depth-models")]
-    Model(Box<DepthModel>),
+    Model(Arc<DepthModel>),
 }
 
 /// Reads a photo and its depth, and resolves its camera.
@@ -245,16 +246,8 @@ fn photo(
     };
     let bars = imaging::BlackBars::of(&photo.photo);
     let is_cropped = photo.focal.is_cropped(photo.photo.width() as u32, photo.photo.height() as u32);
-    let camera = given.camera.as_ref().map(|(camera, _)| *camera);
-    let request = PhotoRequest { photo, camera, distortion: given.distortion, depth };
-    let resolved = estimator.resolve(request, &mut |event| stages.handle(event)).map_err(|error| match error {
-        EstimateError::Projection(projection) => projection_error(path, projection, error),
-        EstimateError::Undistortion(error) => anyhow::Error::from(error).context("--distortion"),
-        EstimateError::Frame(error) => anyhow::Error::from(error).context(format!("{files} cannot be used together")),
-        #[cfg(feature = "depth-models")]
-        EstimateError::RelativeDepth(_) => anyhow::Error::from(error).context(files.clone()),
-        error => error.into(),
-    })?;
+    let on_event = &mut |event| stages.handle(event);
+    let resolved = resolve(estimator, path, photo, &given, depth, &files, on_event)?;
     let given = given.camera.map(|(_, option)| option);
     let source = match (given.clone(), resolved.camera_source) {
         (Some(option), _) => option,
@@ -264,6 +257,39 @@ fn photo(
     let camera = bars.filter(|_| given.is_none()).and_then(|bars| bars.camera_of_picture(&resolved.camera));
     note_camera(&camera.unwrap_or(resolved.camera), &source, stages);
     Ok(resolved)
+}
+
+/// Resolves camera and depth of a photo. `files` names the inputs in errors.
+pub fn resolve(
+    estimator: &Estimator,
+    path: &Path,
+    photo: PhotoFile,
+    given: &GivenLens,
+    depth: DepthSource,
+    files: &str,
+    on_event: OnEvent<'_>,
+) -> anyhow::Result<ResolvedPhoto> {
+    let camera = given.camera.as_ref().map(|(camera, _)| *camera);
+    let request = PhotoRequest { photo, camera, distortion: given.distortion, depth };
+    estimator.resolve(request, on_event).map_err(|error| match error {
+        EstimateError::Projection(projection) => projection_error(path, projection, error),
+        EstimateError::Undistortion(error) => anyhow::Error::from(error).context("--distortion"),
+        EstimateError::Frame(error) => anyhow::Error::from(error).context(format!("{files} cannot be used together")),
+        #[cfg(feature = "depth-models")]
+        EstimateError::RelativeDepth(_) => anyhow::Error::from(error).context(files.to_owned()),
+        error => error.into(),
+    })
+}
+
+/// Adds hints at options to an error of the estimate.
+pub fn estimate_error(error: EstimateError) -> anyhow::Error {
+    match error {
+        EstimateError::OctreeDepth { .. } => {
+            Usage(format!("--octree-depth: {error}; omit it or choose another --completion")).into()
+        }
+        EstimateError::PanoramaWithoutRoom => Usage(format!("--panorama: {error}; choose another --completion")).into(),
+        error => error.into(),
+    }
 }
 
 /// Returns the error of a photo that no pinhole camera takes, with hints at options.
@@ -305,13 +331,13 @@ fn is_relative(args: &Args) -> bool {
 /// Creates an estimator, with networks if depth or completion needs them. `is_metric`: a depth model gives metric
 /// depth.
 fn estimator(args: &Args, is_metric: bool, stages: &mut Stages) -> anyhow::Result<Estimator> {
-    let network_completes = match args.completion {
+    let network_completes = match args.method.completion {
         Some(completion) => completion == Completion::Network,
         // A program without weights can still complete without a network.
-        None => cfg!(feature = "weights") || args.weights.is_some(),
+        None => cfg!(feature = "weights") || args.method.weights.is_some(),
     };
     if !network_completes && ((!args.depth.is_empty() && !is_relative(args)) || is_metric) {
-        return match args.weights {
+        return match args.method.weights {
             Some(_) => {
                 Err(Usage("--weights has no effect: with given depth, only --completion network uses networks".into())
                     .into())
@@ -319,7 +345,7 @@ fn estimator(args: &Args, is_metric: bool, stages: &mut Stages) -> anyhow::Resul
             None => Ok(Estimator::without_networks()),
         };
     }
-    stages.stage("read weights", || super::estimator(args.weights.as_deref()))
+    stages.stage("read weights", || super::estimator(args.method.weights.as_deref()))
 }
 
 fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2], panorama: Option<PanoramaPrior>) -> EstimateOptions {
@@ -331,8 +357,8 @@ fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2], panorama: Optio
     let inputs = files.into_iter().flatten().chain(&args.photos.poses).map(PathBuf::as_path);
     let sources = inputs.chain(model).chain(args.panorama.panorama.as_deref()).filter_map(file_name).collect();
     EstimateOptions {
-        octree_depth: args.octree_depth,
-        completion: args.completion,
+        octree_depth: args.method.octree_depth,
+        completion: args.method.completion,
         up: args.up,
         seed: global.seed,
         sources,

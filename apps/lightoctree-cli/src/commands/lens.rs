@@ -48,6 +48,15 @@ pub struct GivenLens {
 }
 
 impl LensArgs {
+    /// Returns the given options, for comparison with those of another run.
+    pub fn settings(&self) -> serde_json::Value {
+        let intrinsics = self.intrinsics.as_ref().map(|intrinsics| match intrinsics {
+            Intrinsics::Numbers(numbers) => serde_json::json!(numbers),
+            Intrinsics::File(file) => serde_json::json!(file),
+        });
+        serde_json::json!({ "intrinsics": intrinsics, "hfov_deg": self.hfov_deg, "distortion": self.distortion })
+    }
+
     /// Returns the lens that the options give for a photo.
     pub fn of(&self, path: &Path, photo: &PhotoFile) -> anyhow::Result<GivenLens> {
         let given = self.without_exif(path, photo)?;

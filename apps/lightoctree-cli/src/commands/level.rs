@@ -17,6 +17,13 @@ pub struct LevelArgs {
     level: bool,
 }
 
+impl LevelArgs {
+    /// Whether the output is level.
+    pub fn is_level(self) -> bool {
+        self.level
+    }
+}
+
 /// The frame of the output: the camera's, or a level one.
 #[derive(Clone, Copy, Debug)]
 pub struct OutputFrame {
@@ -37,6 +44,11 @@ impl OutputFrame {
             Usage("--level: the scene has no up direction; estimate it again, if necessary with --up".into())
         })?;
         Ok(Self { level: Some(LevelFrame::new(room)) })
+    }
+
+    /// Returns a level frame, or without one the camera's.
+    pub fn of(level: Option<LevelFrame>) -> Self {
+        Self { level }
     }
 
     /// Rows to render for a panorama of `height` rows.

@@ -1,5 +1,6 @@
 //! One module per command: its options, and its calls of the library.
 
+pub mod batch;
 pub mod completions;
 pub mod demo;
 pub mod environment;
@@ -8,6 +9,7 @@ pub mod estimate;
 pub mod export;
 pub mod insert;
 pub mod inspect;
+pub mod level;
 pub mod light;
 pub mod lights;
 pub mod parse;
@@ -19,7 +21,6 @@ pub mod view;
 #[cfg(feature = "depth-models")]
 mod depth_model;
 mod lens;
-mod level;
 mod panorama_prior;
 mod photos;
 mod token;

@@ -36,6 +36,7 @@ pub struct Args {
 
     /// Measured depth of the photo: 16-bit PNG in millimetres, or EXR, PFM, TIFF, NPY in metres
     #[arg(long, value_name = "FILE", requires = "input")]
+    #[cfg_attr(feature = "depth-models", arg(conflicts_with = "depth_model"))]
     depth: Option<PathBuf>,
 
     #[cfg(feature = "depth-models")]

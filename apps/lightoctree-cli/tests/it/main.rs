@@ -4,6 +4,8 @@
 mod support;
 
 mod animation;
+#[cfg(feature = "weights")]
+mod batch;
 mod cli;
 #[cfg(feature = "depth-models")]
 mod depth_models;

@@ -48,7 +48,7 @@ pub enum DepthSource {
     Inverse(Image<f32>),
     /// A third-party depth model in an ONNX file (feature `depth-models`).
     #[cfg(feature = "depth-models")]
-    Model(Box<DepthModel>),
+    Model(Arc<DepthModel>),
 }
 
 /// A request with its camera and depth determined.

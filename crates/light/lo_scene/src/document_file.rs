@@ -2,15 +2,16 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
-use std::io::Write;
+use std::io::{self, Read, Write};
 use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
 
 use half::f16;
 use lo_geometry::{Camera, Quat};
-use lo_imaging::{EncodedPhoto, Image, Photo, read_regular_file, write_atomically};
+use lo_imaging::{EncodedPhoto, Image, Photo, open_regular_file, read_regular_file, write_atomically};
 use lo_octree::{MAX_RADIANCE, OctreeHeader, read_tensors, write_tensors};
+use safetensors::tensor::Metadata as Container;
 use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
@@ -161,6 +162,29 @@ impl SceneFile {
         let bytes = read_regular_file(path, MAX_FILE_BYTES)
             .map_err(|source| SceneError::Read { path: path.display().to_string(), source })?;
         Self::from_bytes(&bytes)
+    }
+
+    /// Returns whether the file has a scene's header and the length that this header states. Tensors are not read.
+    ///
+    /// # Errors
+    /// If the file exists but cannot be read, or is not a regular file. A missing file is not complete.
+    pub fn is_complete(path: &Path) -> io::Result<bool> {
+        let (mut file, file_bytes) = match open_regular_file(path, MAX_FILE_BYTES) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+            opened => opened?,
+        };
+        let Some(after_length) = file_bytes.checked_sub(8) else { return Ok(false) };
+        let mut length = [0; 8];
+        file.read_exact(&mut length)?;
+        let length = u64::from_le_bytes(length);
+        if length > MAX_HEADER_BYTES.min(after_length) {
+            return Ok(false);
+        }
+        let mut header = Vec::new();
+        file.take(length).read_to_end(&mut header)?;
+        let Ok(header) = serde_json::from_slice::<Container>(&header) else { return Ok(false) };
+        let is_scene = header.metadata().as_ref().is_some_and(|metadata| metadata.contains_key(METADATA_KEY));
+        Ok(is_scene && header.data_len() as u64 == after_length - length)
     }
 
     /// Returns the bytes of the scene file, which are deterministic. `generator` is the name of the writing program.

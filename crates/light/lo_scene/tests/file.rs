@@ -69,6 +69,32 @@ fn a_photo_keeps_profile_gain_map_and_metadata() {
 }
 
 #[test]
+fn only_whole_scenes_are_complete() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.scene");
+    assert!(!SceneFile::is_complete(&path).unwrap(), "a missing file");
+    let bytes = scene(false).to_bytes(lo_imaging::GENERATOR).unwrap();
+    std::fs::write(&path, &bytes).unwrap();
+    assert!(SceneFile::is_complete(&path).unwrap());
+    for length in [0, 7, 8, 9, 200, bytes.len() - 1] {
+        std::fs::write(&path, &bytes[..length]).unwrap();
+        assert!(!SceneFile::is_complete(&path).unwrap(), "{length} bytes of {}", bytes.len());
+    }
+    std::fs::write(&path, [&bytes[..], &[0]].concat()).unwrap();
+    assert!(!SceneFile::is_complete(&path).unwrap(), "a byte more");
+    // As after a crash of a file system: the length of the file, without its content.
+    std::fs::write(&path, vec![0; bytes.len()]).unwrap();
+    assert!(!SceneFile::is_complete(&path).unwrap(), "zeros");
+    std::fs::write(
+        &path,
+        safetensors::serialize(Vec::<(&str, safetensors::tensor::TensorView<'_>)>::new(), None).unwrap(),
+    )
+    .unwrap();
+    assert!(!SceneFile::is_complete(&path).unwrap(), "another safetensors file");
+    assert!(SceneFile::is_complete(folder.path()).is_err(), "a folder");
+}
+
+#[test]
 fn a_scene_comes_back_and_gives_the_same_bytes() {
     for linear in [false, true] {
         let scene = scene(linear);

@@ -118,7 +118,7 @@ fn estimate(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, Stri
         None if let Some((model_name, read)) = source.depth_model => {
             with = format!(" with {model_name}");
             sources.push(model_name);
-            DepthSource::Model(Box::new(read()?))
+            DepthSource::Model(Arc::new(read()?))
         }
         None => DepthSource::Network,
         Some(depth) => {
