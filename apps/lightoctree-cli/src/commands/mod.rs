@@ -22,6 +22,8 @@ mod lens;
 mod level;
 mod panorama_prior;
 mod photos;
+mod samples;
+mod state_folder;
 mod token;
 
 use std::path::Path;

@@ -17,3 +17,4 @@ mod unwrap;
 mod view;
 mod view_access;
 mod view_in_browser;
+mod view_rooms;
