@@ -39,10 +39,12 @@ const COMMAND: &str = "demo";
 const MANIFEST: &str = "demo.json";
 const FRAMES: usize = 12;
 
-const PHOTO: &[u8] = include_bytes!("../../assets/library_color.jpg");
-const DEPTH: &[u8] = include_bytes!("../../assets/library_lidar_depth.png");
+/// The photo.
+pub const PHOTO: &[u8] = include_bytes!("../../assets/library_color.jpg");
+/// Its measured depth.
+pub const DEPTH: &[u8] = include_bytes!("../../assets/library_lidar_depth.png");
 /// Intrinsics with which floor and shelf are perpendicular. The photo has no EXIF block.
-const INTRINSICS: [f64; 4] = [1330.0, 1330.0, 960.0, 720.0];
+pub const INTRINSICS: [f64; 4] = [1330.0, 1330.0, 960.0, 720.0];
 /// Position of the object in the half-size photo, in pixels.
 const PIXEL: [f64; 2] = [510.0, 570.0];
 /// Height of the object in metres.

@@ -23,6 +23,8 @@ mod depth_model;
 mod lens;
 mod panorama_prior;
 mod photos;
+mod samples;
+mod state_folder;
 mod token;
 
 use std::path::Path;

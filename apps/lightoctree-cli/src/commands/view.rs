@@ -12,8 +12,8 @@ use lo_viewer::{MakeEstimator, NamedFile, Options, PhotoSource, PublicOrigin, Sc
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
-use super::parse;
 use super::token::TokenArgs;
+use super::{parse, samples, state_folder};
 use crate::args::Global;
 use crate::usage::Usage;
 use crate::warning_text::warning_text;
@@ -70,6 +70,15 @@ pub struct Args {
 
     #[command(flatten)]
     token: TokenArgs,
+
+    /// Folder in which open rooms are saved automatically, and listed on the page [default: lightoctree/recent in the
+    /// user's folder for application state]
+    #[arg(long, value_name = "DIR", conflicts_with = "no_recent")]
+    recent: Option<PathBuf>,
+
+    /// Do not save open rooms automatically
+    #[arg(long)]
+    no_recent: bool,
 }
 
 /// Warning about `--bind` without a TLS proxy.
@@ -93,6 +102,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         public_origin: args.public_origin.clone(),
         estimator,
         source,
+        samples: samples::SAMPLES.to_vec(),
+        recent: if args.no_recent { None } else { args.recent.clone().or_else(state_folder::recent_rooms) },
     };
     let (open, quiet) = (args.open, global.quiet);
     let is_encrypted = args.public_origin.as_ref().is_some_and(PublicOrigin::is_https);

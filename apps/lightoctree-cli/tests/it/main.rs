@@ -20,3 +20,4 @@ mod unwrap;
 mod view;
 mod view_access;
 mod view_in_browser;
+mod view_rooms;

@@ -12,7 +12,7 @@ fn the_final_picture_is_that_of_the_command_line_that_is_shown() {
     write_mesh(folder.path());
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     let mut page = viewer.page();
-    page.receive("the scene", |message| message["type"] == "scene" && message["file"] == "room.scene");
+    page.receive("the scene", |message| message["type"] == "scene");
     page.act(
         &json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70.25, 94.125], "material": { "preset": "chrome" } }),
     );
@@ -224,14 +224,12 @@ fn photos_are_estimated_and_errors_are_reported() {
     let folder = room();
     let mut viewer = Viewer::start(folder.path(), &[]);
     let mut page = viewer.page();
-    let (empty, _) = page.receive("the drop zone", |message| message["type"] == "empty");
+    let (hello, _) = page.receive("the greeting", |message| message["type"] == "hello");
+    let can_estimate = hello["can_estimate"] == true;
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert_eq!(viewer.upload("mesh", "a.obj", b"v 0 0 0").0, 400);
-    assert_eq!(
-        viewer.upload("photo", "photo.png", b"no picture").0,
-        if empty["can_estimate"] == true { 204 } else { 400 }
-    );
-    if empty["can_estimate"] == true {
+    assert_eq!(viewer.upload("photo", "photo.png", b"no picture").0, if can_estimate { 204 } else { 400 });
+    if can_estimate {
         let failed = |message: &serde_json::Value| message["type"] == "empty" && message["error"].is_string();
         let (failed, _) = page.receive("why not", failed);
         assert!(failed["error"].as_str().unwrap().contains("photo.png"), "{failed}");
@@ -245,20 +243,22 @@ fn photos_are_estimated_and_errors_are_reported() {
         assert_eq!(viewer.upload("photo", "photo.png", &read("photo.png")).0, 204);
         page.receive("progress", |message| message["type"] == "opening" && message["done"].is_number());
         let (scene, _) = page.receive("the scene", |message| message["type"] == "scene");
-        assert_eq!((&scene["predicted_depth"], &scene["is_saved"]), (&json!(false), &json!(false)));
+        assert_eq!(scene["predicted_depth"], false);
+        let (state, _) = page.receive("the state", |message| message["type"] == "state");
+        let view = &state["view"];
+        assert_eq!((&view["file"], &view["has_file"]), (&json!("photo.scene"), &json!(false)));
         for (name, bytes) in
             [("broken.glb", &b"glTF but no more"[..]), ("none.stl", b"solid x\nendsolid x\n"), ("a.txt", b"x")]
         {
             let (status, why) = viewer.upload("mesh", name, bytes);
             assert!(status == 400 && why.contains(name), "{status} {why}");
         }
-        page.send(&json!({ "type": "close" }));
-        page.receive("the drop zone", |message| message["type"] == "empty");
     }
-    // A truncated scene.
+    // A truncated scene. An open one stays.
     assert_eq!(viewer.upload("scene", "cut.scene", &[8, 0, 0, 0, 0, 0, 0, 0, b'{']).0, 204);
-    let (wrong, _) = page.receive("why not", |message| message["type"] == "empty" && message["error"].is_string());
-    assert!(wrong["error"].as_str().unwrap().contains("cut.scene"), "{wrong}");
+    let why = if can_estimate { "why" } else { "error" };
+    page.receive("why not", |message| message[why].as_str().is_some_and(|why| why.contains("cut.scene")));
+    assert_eq!(viewer.get("download/room.scene").0, if can_estimate { 200 } else { 409 });
     page.send(&json!({ "type": "nonsense" }));
     page.receive("a refusal", |message| {
         message["type"] == "refused" && message["why"].as_str().unwrap().contains("nonsense")

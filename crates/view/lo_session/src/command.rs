@@ -10,11 +10,11 @@ use crate::{NewLight, ObjectMaterial, ObjectPosition, ObjectSize};
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Command {
-    /// Adds an object on the surface seen at a pixel, or on a free surface.
+    /// Adds an object on the floor, shelf or table, or against the wall seen at a pixel, beside other objects.
     Add {
         /// Name of the mesh.
         mesh: String,
-        /// Photo position; `None` chooses a free surface.
+        /// Photo position; `None` chooses a free supporting surface.
         #[serde(default)]
         #[cfg_attr(feature = "typescript", ts(optional = nullable))]
         pixel: Option<[f64; 2]>,
@@ -47,12 +47,18 @@ pub enum Command {
         /// The new position.
         place: ObjectPosition,
     },
-    /// Drags an object along its supporting surface, so that the middle of its base projects to a photo position.
+    /// Drags an object so that the middle of its base projects to a photo position: onto the surface seen there, or at
+    /// its height if it is lifted.
     Drag {
         /// Id of the object.
         object: u32,
         /// Photo position, pixels.
         to: [f64; 2],
+    },
+    /// Drops an object along gravity onto the surface below it.
+    PutDown {
+        /// Id of the object.
+        object: u32,
     },
     /// Scales an object.
     Size {
@@ -81,6 +87,20 @@ pub enum Command {
         object: u32,
         /// The material; `None` restores the mesh's own.
         material: Option<ObjectMaterial>,
+    },
+    /// Shows an object in images, or hides it.
+    Show {
+        /// Id of the object.
+        object: u32,
+        /// Whether images show it.
+        is_shown: bool,
+    },
+    /// Protects an object from being moved by accident, or releases it.
+    Lock {
+        /// Id of the object.
+        object: u32,
+        /// Whether it is protected.
+        is_locked: bool,
     },
     /// Adds a keyframe of an object's current pose, replacing one at the same time.
     SetKey {

@@ -18,6 +18,9 @@ pub enum SessionError {
     /// The object has no keyframe at the given time.
     #[error("the object has no keyframe at that time")]
     NoKeyframe,
+    /// Neither a surface nor the floor is below the object.
+    #[error("the photo shows no surface below the object")]
+    NothingBelow,
     /// Another object already has this name.
     #[error("another object is already called {0}")]
     NameTaken(String),

@@ -120,6 +120,11 @@ impl Mesh {
         Ok(Self::new(name.to_owned(), builtin_model(builtin)?))
     }
 
+    /// Returns whether the mesh is a built-in one.
+    pub fn is_builtin(&self) -> bool {
+        self.name.starts_with(BUILTIN_PREFIX)
+    }
+
     /// Returns the value of `--mesh` on the command line.
     pub fn name(&self) -> &str {
         &self.name

@@ -43,6 +43,10 @@ pub struct Object {
     pub align: Align,
     /// Material that replaces the mesh's own.
     pub material: Option<ObjectMaterial>,
+    /// Whether images leave it out. Scene files do not store this.
+    pub is_hidden: bool,
+    /// Whether front ends protect it from being moved by accident. Scene files do not store this.
+    pub is_locked: bool,
     /// The resulting placement in the scene.
     pub placement: Placement,
 }
@@ -50,12 +54,14 @@ pub struct Object {
 /// Compares meshes by identity.
 impl PartialEq for Object {
     fn eq(&self, other: &Self) -> bool {
-        let Self { id, name, mesh, position, size, yaw_deg, path, align, material, placement } = self;
+        let Self { id, name, mesh, position, size, yaw_deg, path, align, material, is_hidden, is_locked, placement } =
+            self;
         Arc::ptr_eq(mesh, &other.mesh)
             && (id, name, position, size, yaw_deg)
                 == (&other.id, &other.name, &other.position, &other.size, &other.yaw_deg)
             && (path, align) == (&other.path, &other.align)
             && (material, placement) == (&other.material, &other.placement)
+            && (is_hidden, is_locked) == (&other.is_hidden, &other.is_locked)
     }
 }
 

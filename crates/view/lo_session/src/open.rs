@@ -11,6 +11,8 @@ use serde::Serialize;
 pub struct OpenScene {
     /// Path of the scene file on the command line.
     pub file: String,
+    /// Whether that file exists; otherwise the scene must be saved first.
+    pub is_saved: bool,
     /// The document as read or estimated.
     pub document: Document,
     /// The fitted light, from which lit scenes are made.
@@ -40,7 +42,12 @@ impl OpenScene {
         let fitted = FittedLight::new(document.estimate.clone());
         let surfaces = ObservedSurfaces::new(&document.estimate);
         let max_depth_m = surfaces.depth_m().pixels().iter().fold(0.0f32, |far, &z| far.max(z));
-        Self { file: file.into(), fitted, surfaces, max_depth_m, document }
+        Self { file: file.into(), is_saved: true, fitted, surfaces, max_depth_m, document }
+    }
+
+    /// Declares that the scene file does not exist yet.
+    pub fn unsaved(self) -> Self {
+        Self { is_saved: false, ..self }
     }
 
     /// Returns the estimate.

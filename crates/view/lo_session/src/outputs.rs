@@ -5,15 +5,19 @@ use lo_export as export;
 use lo_export::{Content, Format, LightProbe};
 use lo_geometry::Vec3;
 use lo_imaging as imaging;
-use lo_imaging::ExrOptions;
+use lo_imaging::{ExrOptions, Photo};
 use lo_insert::Composite;
 use lo_lights::ListedLight;
 
 use crate::lit::LitSceneCache;
+use crate::renderer::photo_at_side;
 use crate::{OpenScene, SessionError, State};
 
 /// Width of an export's panorama, as in `lightoctree export`.
 const PROBE_WIDTH: usize = 1024;
+
+/// JPEG quality of previews.
+const PREVIEW_JPEG_QUALITY: u8 = 85;
 
 /// Encodes what `lightoctree insert -o picture.png` writes.
 ///
@@ -32,6 +36,23 @@ pub fn layers(composite: &Composite) -> Result<Vec<u8>, SessionError> {
     let (generator, metadata) = ("lightoctree insert".to_owned(), composite.metadata());
     let options = ExrOptions { generator, metadata, ..ExrOptions::default() };
     Ok(imaging::encode_exr("layers.exr", size, &composite.channels(), &options)?)
+}
+
+/// Encodes the photo without objects in full size, a JPEG.
+///
+/// # Errors
+/// Never for a photo of a session.
+pub fn photo(scene: &OpenScene) -> Result<Vec<u8>, SessionError> {
+    Ok(imaging::encode_photo("photo.jpg", &scene.estimate().frame.photo, "lightoctree view")?)
+}
+
+/// Encodes a small JPEG of a photo or of a rendered image.
+///
+/// # Errors
+/// Never for a photo of a session.
+pub fn preview(photo: &Photo, side: usize) -> Result<Vec<u8>, SessionError> {
+    let small = photo_at_side(photo, side).into_srgb8();
+    Ok(imaging::encode_srgb8("preview.jpg", &small, PREVIEW_JPEG_QUALITY, "lightoctree view")?)
 }
 
 /// Encodes the scene file with the state's objects and light edits.

@@ -192,7 +192,7 @@ pub(crate) fn at_side(scene: &LitScene, side: usize) -> Cow<'_, LitScene> {
 }
 
 /// Resizes a photo to at most `side` pixels along the longer side, keeping its kind.
-fn photo_at_side(photo: &Photo, side: usize) -> Photo {
+pub(crate) fn photo_at_side(photo: &Photo, side: usize) -> Photo {
     let longer = photo.width().max(photo.height()).max(1);
     let side = side.min(longer);
     let scaled = |length: usize| (length * side).div_ceil(longer).max(1);

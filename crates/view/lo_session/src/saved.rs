@@ -88,6 +88,8 @@ fn placed(
         path,
         align,
         material,
+        is_hidden: false,
+        is_locked: false,
         placement: Placement::at(ground.estimate, Default::default(), align),
     };
     object.placed(ground, time_s)

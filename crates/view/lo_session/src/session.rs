@@ -3,22 +3,17 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, InferredLight, LightMode};
-use lo_insert::{Align, Layout, Placement};
+use lo_insert::Layout;
 use lo_mesh::Model;
 use lo_scene::{CONTRASTS, LightEdits, LightEffect, MAX_LIGHT_EDITS, ObjectDisplay, WARMTHS_EV, plain_name};
 
 use crate::drag::dragged;
 use crate::history::History;
-use crate::{Command, Files, Mesh, Object, ObjectMaterial, ObjectPosition, ObjectSize, OpenScene, SessionError, State};
+use crate::snap::{fallen, is_held};
+use crate::{Command, Files, Mesh, Object, ObjectPosition, OpenScene, SessionError, State};
 
 /// Maximum number of meshes besides the built-in ones.
 const MAX_MESHES: usize = 200;
-
-/// Height of a new object whose mesh is not evidently in metres.
-const DEFAULT_HEIGHT_M: f64 = 0.3;
-
-/// A mesh with an extent in this range is assumed to be in metres.
-const METRE_EXTENTS: RangeInclusive<f32> = 0.02..=3.0;
 
 /// Refusals of a choice of light.
 const NO_CHOICE: &str = "a network did not infer the light of this scene: all choices are the same";
@@ -30,15 +25,21 @@ const NO_EXPECTATION: &str = "this scene has no expected light: contrast, warmth
 /// A gesture is a series of [`Session::preview`]s. [`Session::commit`] keeps it as one step of the history,
 /// [`Session::cancel`] discards it.
 pub struct Session {
-    scene: Arc<OpenScene>,
+    pub(crate) scene: Arc<OpenScene>,
     meshes: BTreeMap<String, Arc<Mesh>>,
     state: State,
     /// State shown by the current gesture.
     preview: Option<State>,
     history: History,
+    /// Path of the scene file on the command line.
+    file: String,
+    /// Whether that file exists.
+    has_file: bool,
+    /// State of the file that was opened or saved last; `None` if no file has it.
+    saved: Option<State>,
     /// Bytes of the files of added meshes.
     mesh_bytes: usize,
-    next_id: u32,
+    pub(crate) next_id: u32,
 }
 
 impl Session {
@@ -49,7 +50,18 @@ impl Session {
     pub fn new(scene: Arc<OpenScene>) -> Result<Self, SessionError> {
         let (state, meshes) = State::from_document(&scene.document, scene.ground())?;
         let next_id = state.objects.len() as u32 + 1;
-        Ok(Self { scene, meshes, state, preview: None, history: History::default(), mesh_bytes: 0, next_id })
+        Ok(Self {
+            file: scene.file.clone(),
+            has_file: scene.is_saved,
+            saved: Some(state.clone()),
+            scene,
+            meshes,
+            state,
+            preview: None,
+            history: History::default(),
+            mesh_bytes: 0,
+            next_id,
+        })
     }
 
     /// Returns the scene.
@@ -70,6 +82,37 @@ impl Session {
     /// Returns whether there is a step to undo, and one to redo.
     pub fn can_undo_and_redo(&self) -> [bool; 2] {
         self.history.can_undo_and_redo()
+    }
+
+    /// Returns the path of the scene file on the command line.
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// Returns whether that file exists.
+    pub fn has_file(&self) -> bool {
+        self.has_file
+    }
+
+    /// Returns whether the shown state differs from the file that was opened or saved last.
+    pub fn is_unsaved(&self) -> bool {
+        !self.saved.as_ref().is_some_and(|saved| saved.is_equally_saved(self.state()))
+    }
+
+    /// Declares that a scene file has the shown state.
+    pub fn mark_saved(&mut self, file: String) {
+        (self.file, self.has_file) = (file, true);
+        self.saved = Some(self.state().clone());
+    }
+
+    /// Declares that no file has the shown state, as after recovery.
+    pub fn mark_unsaved(&mut self) {
+        self.saved = None;
+    }
+
+    /// Returns the light edits of the scene file.
+    pub(crate) fn saved_lights(&self) -> &LightEdits {
+        self.saved.as_ref().map_or(&self.scene.document.light_edits, |saved| &saved.lights)
     }
 
     /// Executes a command as one step of the history. Commits a gesture in progress first.
@@ -230,6 +273,10 @@ impl Session {
                 }
                 infallible(*id, &|object| object.name.clone_from(name))?
             }
+            Command::PutDown { object: id } => {
+                let position = fallen(&scene, state.object(*id)?).ok_or(SessionError::NothingBelow)?;
+                object(*id, &|object| object.set_pose(position, object.yaw_deg, time_s))?
+            }
             Command::Place { object: id, place } => {
                 object(*id, &|object| object.set_pose(*place, object.yaw_deg, time_s))?
             }
@@ -241,6 +288,8 @@ impl Session {
             Command::Material { object: id, material } => {
                 infallible(*id, &|object| object.material.clone_from(material))?
             }
+            Command::Show { object: id, is_shown } => infallible(*id, &|object| object.is_hidden = !is_shown)?,
+            Command::Lock { object: id, is_locked } => infallible(*id, &|object| object.is_locked = *is_locked)?,
             Command::SetKey { object: id, time_s } => object(*id, &|object| object.set_key(*time_s))?,
             Command::MoveKey { object: id, from_s, to_s } => object(*id, &|object| object.move_key(*from_s, *to_s))?,
             Command::DeleteKey { object: id, time_s } => object(*id, &|object| object.delete_key(*time_s))?,
@@ -284,11 +333,13 @@ impl Session {
         Ok(state)
     }
 
-    /// Returns whether an object was lifted off its support before the gesture.
+    /// Returns whether an object was in the air before the gesture, neither on a support nor at a wall.
     fn is_lifted(&self, id: u32) -> bool {
         let begun = self.state.object(id).or_else(|_| self.state().object(id));
         begun.is_ok_and(|object| {
-            object.placement.support.is_none() && matches!(object.position, ObjectPosition::Position(_))
+            let is_in_air =
+                object.placement.support.is_none() && matches!(object.position, ObjectPosition::Position(_));
+            is_in_air && !is_held(&self.scene, object)
         })
     }
 
@@ -363,95 +414,6 @@ impl Session {
                 Ok(())
             }
         }
-    }
-
-    fn new_object(
-        &mut self,
-        mesh: Arc<Mesh>,
-        pixel: Option<[f64; 2]>,
-        material: Option<ObjectMaterial>,
-    ) -> Result<Object, SessionError> {
-        let extent = mesh.size().max_element();
-        let size = if METRE_EXTENTS.contains(&extent) && mesh.name() != "builtin:suzanne" {
-            ObjectSize::Scale(1.0)
-        } else if mesh.size().y > 0.0 {
-            ObjectSize::Height(DEFAULT_HEIGHT_M)
-        } else {
-            ObjectSize::Scale(DEFAULT_HEIGHT_M / f64::from(extent))
-        };
-        let file = mesh.name().strip_prefix(BUILTIN_PREFIX).unwrap_or(mesh.name());
-        let stem = file.rsplit(['/', '\\']).next().unwrap_or(file);
-        let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
-        let position = match pixel {
-            Some(pixel) => ObjectPosition::Pixel(pixel),
-            None => self.free_position(),
-        };
-        let new = Object {
-            id: self.next_id,
-            name: self.free_name(stem),
-            mesh,
-            position,
-            size,
-            yaw_deg: 0.0,
-            path: None,
-            align: Align::default(),
-            material,
-            placement: Placement::at(self.scene.estimate(), Default::default(), Align::Gravity),
-        };
-        let new = new.placed(self.scene.ground(), self.state().time_s)?;
-        self.next_id += 1;
-        Ok(new)
-    }
-
-    fn duplicate(&mut self, of: &Object) -> Result<Object, SessionError> {
-        // Without keyframes: with the same ones it would coincide with the original.
-        let new = Object { id: self.next_id, name: self.free_name(&of.name), path: None, ..of.clone() };
-        // Next to the original where a surface supports it, else at the same position.
-        let size = of.mesh.size() * of.placement.scale;
-        let camera = self.scene.estimate().frame.camera;
-        let beside = camera.project(of.placement.position_m).and_then(|(u, v, z)| {
-            let step = 1.2 * camera.fx * f64::from(size.x) / z;
-            [step, -step].into_iter().find_map(|step| dragged(&self.scene, of, self.is_lifted(of.id), [u + step, v]))
-        });
-        let moved =
-            beside.and_then(|position| Object { position, ..new.clone() }.placed(self.scene.ground(), 0.0).ok());
-        self.next_id += 1;
-        moved.map_or_else(|| new.placed(self.scene.ground(), 0.0), Ok)
-    }
-
-    /// Returns an unused name: the wanted one, or numbered if it is taken.
-    fn free_name(&self, wanted: &str) -> String {
-        let wanted = if wanted.is_empty() { "object" } else { wanted };
-        let stem = wanted.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches([' ', '_']);
-        let stem = if stem.is_empty() { wanted } else { stem };
-        let taken = |name: &str| self.state().objects.iter().any(|object| object.name == name);
-        let numbered = (2..).map(|number| format!("{stem} {number}"));
-        std::iter::once(wanted.to_owned()).chain(numbered).find(|name| !taken(name)).unwrap_or_default()
-    }
-
-    /// Finds a supporting surface in the lower half of the photo, away from other objects.
-    fn free_position(&self) -> ObjectPosition {
-        /// Candidate positions, as shares of width and height.
-        const COLUMNS: [f64; 7] = [0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8];
-        const ROWS: [f64; 5] = [0.75, 0.82, 0.68, 0.9, 0.6];
-        let camera = self.scene.estimate().frame.camera;
-        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-        let up = self.scene.up();
-        let free = |[u, v]: [f64; 2]| {
-            let (position_m, normal) = self.scene.surfaces.at_pixel(u, v)?;
-            let apart = |object: &Object| {
-                let size = object.mesh.size() * object.placement.scale;
-                (object.placement.position_m - position_m).length() > 0.5 * size.max_element() + 0.15
-            };
-            let is_free = normal.dot(up) > 0.9 && self.state().objects.iter().all(apart);
-            is_free.then_some(ObjectPosition::Pixel([u, v]))
-        };
-        let mut candidates =
-            ROWS.iter().flat_map(|v| COLUMNS.map(|u| [(u * width).floor() + 0.5, (v * height).floor() + 0.5]));
-        candidates.find_map(free).unwrap_or_else(|| {
-            let ahead = camera.unproject(0.5 * width, 0.7 * height, f64::from(0.6 * self.scene.max_depth_m));
-            ObjectPosition::Position(ahead.to_array().map(f64::from))
-        })
     }
 }
 

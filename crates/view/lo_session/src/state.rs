@@ -43,6 +43,12 @@ impl State {
         self.lights.inferred.unwrap_or_default().in_effect()
     }
 
+    /// Returns the state without hidden objects, which images show.
+    pub fn shown_in_images(&self) -> Self {
+        let objects = self.objects.iter().filter(|object| !object.is_hidden).cloned().collect();
+        Self { objects, lights: self.lights.clone(), ..*self }
+    }
+
     /// Returns the state at another time.
     ///
     /// # Errors
@@ -56,6 +62,15 @@ impl State {
         };
         let objects = self.objects.iter().map(placed).collect::<Result<_, _>>()?;
         Ok(Self { objects, time_s, lights: self.lights.clone(), ..*self })
+    }
+
+    /// Returns whether a scene file of this state equals that of another one, apart from the current time.
+    pub(crate) fn is_equally_saved(&self, other: &Self) -> bool {
+        let same = |a: &Object, b: &Object| a.to_layout() == b.to_layout();
+        self.objects.len() == other.objects.len()
+            && std::iter::zip(&self.objects, &other.objects).all(|(a, b)| same(a, b))
+            && (&self.lights, self.floor_gloss, self.frames, self.fps)
+                == (&other.lights, other.floor_gloss, other.frames, other.fps)
     }
 
     /// Returns the times of the first and last keyframe, seconds; `None` without keyframes.

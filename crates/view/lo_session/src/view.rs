@@ -5,6 +5,7 @@ use lo_scene::LightEffect;
 use lo_scene::{AddedLight, LightChange, LightEdits, LightShape};
 use serde::Serialize;
 
+use crate::first_size::MeshUnit;
 use crate::{ObjectMaterial, ObjectPosition, ObjectSize, Session, insert_command};
 
 /// A session as data for a front end.
@@ -25,8 +26,14 @@ pub struct SessionView {
     pub can_redo: bool,
     /// Command line that renders the final image; `None` without objects.
     pub command: Option<String>,
+    /// Path of the scene file on the command line.
+    pub file: String,
+    /// Whether that file exists; otherwise the scene must be saved before `command` works.
+    pub has_file: bool,
     /// Whether the scene must be saved before `command` works, because its light edits differ from the file's.
     pub edited: bool,
+    /// Whether objects, lights or keyframes differ from the last opened or saved file.
+    pub unsaved: bool,
     /// Names of the available meshes.
     pub meshes: Vec<String>,
     /// Current time, keyframe range and frames.
@@ -71,6 +78,10 @@ pub struct ObjectView {
     pub align: Align,
     /// Material that replaces the mesh's own.
     pub material: Option<ObjectMaterial>,
+    /// Whether images leave it out.
+    pub is_hidden: bool,
+    /// Whether it is protected from being moved by accident.
+    pub is_locked: bool,
     /// Middle of the base, metres.
     pub position_m: [f32; 3],
     /// Unit vector of the up axis.
@@ -81,6 +92,12 @@ pub struct ObjectView {
     pub scale: f32,
     /// Whether a surface supports it.
     pub rests: bool,
+    /// Unit of the mesh's coordinates, in the plural.
+    pub unit: &'static str,
+    /// Metres per unit of the mesh by that unit.
+    pub metres_per_unit: f64,
+    /// Whether the mesh's format defines the unit; otherwise it is guessed.
+    pub unit_is_stated: bool,
 }
 
 /// Choice of light for unobserved regions.
@@ -112,7 +129,8 @@ impl Session {
     pub fn view(&self) -> SessionView {
         let state = self.state();
         let scene = self.scene();
-        let objects = state.objects.iter().map(|object| ObjectView {
+        let objects = state.objects.iter().map(|object| (object, MeshUnit::of(&object.mesh)));
+        let objects = objects.map(|(object, MeshUnit { unit, is_stated })| ObjectView {
             id: object.id,
             name: object.name.clone(),
             mesh: object.mesh.name().to_owned(),
@@ -122,11 +140,16 @@ impl Session {
             path: object.path.clone(),
             align: object.align,
             material: object.material.clone(),
+            is_hidden: object.is_hidden,
+            is_locked: object.is_locked,
             position_m: object.placement.position_m.to_array(),
             up: object.placement.up.to_array(),
             size_m: (object.mesh.size() * object.placement.scale).to_array(),
             scale: object.placement.scale,
             rests: object.placement.support.is_some(),
+            unit: unit.name(),
+            metres_per_unit: unit.metres(),
+            unit_is_stated: is_stated,
         });
         let found = scene.lights().iter().map(|listed| LightView {
             changed: state.lights.change_of(&listed.id),
@@ -152,8 +175,11 @@ impl Session {
             floor_gloss: state.floor_gloss,
             can_undo,
             can_redo,
-            command: insert_command(&scene.file, state),
-            edited: is_edited(&state.lights, &scene.document.light_edits),
+            command: insert_command(self.file(), &state.shown_in_images()),
+            file: self.file().to_owned(),
+            has_file: self.has_file(),
+            unsaved: self.is_unsaved(),
+            edited: is_edited(&state.lights, self.saved_lights()),
             meshes: self.mesh_names(),
             timeline: TimelineView {
                 time_s: state.time_s,

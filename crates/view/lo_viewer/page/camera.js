@@ -51,6 +51,20 @@ export function onPlane(camera, pixel, point, normal) {
 }
 
 /**
+ * Returns how far along an axis from a point the ray through a photo position passes nearest to it, metres; null if
+ * both run in nearly the same direction.
+ *
+ * @type {(camera: Lens, pixel: Pixel, point: Vector, axis: Vector) => number | null}
+ */
+export function alongAxis(camera, pixel, point, axis) {
+  const ray = unit(direction(camera, pixel));
+  const across = 1 - dot(ray, axis) ** 2;
+  if (across < 1e-3) return null;
+  const distance = (dot(ray, point) - dot(axis, point) * dot(ray, axis)) / across;
+  return distance > 0 ? distance * dot(ray, axis) - dot(axis, point) : null;
+}
+
+/**
  * Returns an object's x, y and z axes in world space.
  *
  * @type {(object: Box) => [Vector, Vector, Vector]}

@@ -7,18 +7,15 @@
  *
  * @typedef {object} Elements
  * @property {HTMLButtonElement} add-key
- * @property {HTMLButtonElement} close
  * @property {HTMLInputElement} exposure
  * @property {HTMLInputElement} fps
  * @property {HTMLInputElement} frames
  * @property {HTMLCanvasElement} handles
  * @property {HTMLDialogElement} help
+ * @property {HTMLDialogElement} leave
  * @property {HTMLSelectElement} interpolation
  * @property {HTMLFormElement} open
- * @property {HTMLInputElement} open-depth
- * @property {HTMLInputElement} open-depth-model
- * @property {HTMLInputElement} open-main
- * @property {HTMLInputElement} open-panorama
+ * @property {HTMLInputElement} open-files
  * @property {HTMLProgressElement} opening-progress
  * @property {HTMLCanvasElement} outside
  * @property {HTMLSelectElement} overlay
@@ -28,9 +25,10 @@
  * @property {HTMLProgressElement} progress
  * @property {HTMLFormElement} properties
  * @property {HTMLButtonElement} redo
- * @property {HTMLDetailsElement} save
+ * @property {HTMLDetailsElement} export
  * @property {HTMLProgressElement} sequence-progress
  * @property {HTMLButtonElement} undo
+ * @property {HTMLButtonElement} zoom-out
  */
 
 /**

@@ -1,11 +1,12 @@
 // Pointer and keys on the photo: selecting, moving and editing objects.
 
-import { add, axes, complete, corners, cross, dot, isInHull, minus, onPlane, project, times, unit } from "./camera.js";
+import { add, alongAxis, axes, complete, corners, dot, isInHull, minus, onPlane, project, times } from "./camera.js";
 import { around } from "./dom.js";
-import { handleAt } from "./handles.js";
+import { handleAt, heightAboveFloor } from "./handles.js";
+import { levelAxes } from "./orbit.js";
 
-/** @import { Lens, Pixel } from "./camera.js" */
-/** @import { Handle } from "./handles.js" */
+/** @import { Pixel, Vector } from "./camera.js" */
+/** @import { Gizmo, Handle } from "./handles.js" */
 /** @import { Command, FromPage, ObjectView } from "./protocol.d.ts" */
 /** @import { Page } from "./store.js" */
 
@@ -20,6 +21,9 @@ import { handleAt } from "./handles.js";
  */
 
 const DEGREES = 180 / Math.PI;
+
+/** Least and largest longest side of an object, metres. */
+const SIDES_M = [0.005, 20];
 
 /**
  * Listens to the stage and the keyboard. Provides `page.gesture`.
@@ -43,13 +47,17 @@ export function listen(stage, page) {
       return;
     }
     const selected = page.selected();
-    const handle = selected && handleAt(page.scene.camera, selected, pixel, page.reach());
+    const gizmo = page.gizmo();
+    const handle = handleAt(gizmo, pixel, page.reach());
     const object = handle ? selected : objectAt(page, pixel);
     page.select(object ? object.id : null);
     stage.focus();
-    if (!object) return;
+    if (!object) {
+      page.startPan(event);
+      return;
+    }
     stage.setPointerCapture(event.pointerId);
-    gesture = begin(page.scene.camera, object, handle ?? "move", pixel);
+    gesture = handle && gizmo ? beginHandle(page, object, gizmo, handle, pixel) : beginMove(page, object, pixel);
     page.redraw();
     event.preventDefault();
   });
@@ -65,9 +73,8 @@ export function listen(stage, page) {
       }
       return;
     }
-    const selected = page.selected();
-    const handle = !page.picking && selected && handleAt(page.scene.camera, selected, pixel, page.reach());
-    page.hovered = page.picking ? null : handle ? selected : objectAt(page, pixel);
+    const handle = page.picking ? null : handleAt(page.gizmo(), pixel, page.reach());
+    page.hovered = page.picking ? null : handle ? page.selected() : objectAt(page, pixel);
     stage.style.cursor = handle ? "grab" : page.hovered ? "move" : "crosshair";
     page.hover(pixel);
     page.redraw();
@@ -92,7 +99,9 @@ export function listen(stage, page) {
     const isTyping = around(event, "input:not([type=range]):not([type=checkbox]), select, dialog[open]");
     if (!page.scene || isTyping) return;
     if (event.key === "Escape") {
-      if (page.picking) page.picking(null);
+      const menus = document.querySelectorAll("details.menu[open]");
+      if (menus.length) menus.forEach((menu) => menu.removeAttribute("open"));
+      else if (page.picking) page.picking(null);
       else if (gesture) end(false);
       else page.select(null);
       return;
@@ -109,7 +118,7 @@ export function listen(stage, page) {
 }
 
 /**
- * Returns the nearest object whose bounding box covers a photo position.
+ * Returns the nearest visible, unlocked object whose bounding box covers a photo position.
  *
  * @param {Page} page
  * @param {Pixel} pixel
@@ -119,6 +128,7 @@ function objectAt(page, pixel) {
   /** @param {ObjectView} object */
   const distance = (object) => Math.hypot(...object.position_m);
   const seen = (page.view?.objects ?? []).filter((object) => {
+    if (object.is_hidden || object.is_locked) return false;
     const box = complete(corners(object).map((corner) => project(camera, corner)));
     return box && isInHull(box, pixel);
   });
@@ -126,77 +136,96 @@ function objectAt(page, pixel) {
 }
 
 /**
- * Starts a gesture on an object; null if its base is behind the camera.
+ * Starts to move an object along the surfaces of the room; null if its base is behind the camera.
  *
- * @param {Lens} camera
+ * @param {Page} page
  * @param {ObjectView} object
- * @param {Handle | "move"} handle
  * @param {Pixel} from
  * @returns {Gesture | null}
  */
-function begin(camera, object, handle, from) {
+function beginMove(page, object, from) {
   const { id } = object;
-  const [, up] = axes(object);
-  const base = project(camera, object.position_m);
+  const base = project(page.openScene().camera, object.position_m);
   if (!base) return null;
-  if (handle === "move") {
-    const offset = [base[0] - from[0], base[1] - from[1]];
-    return { handle, object: id, command: ([u, v]) => ({ do: "drag", object: id, to: [u + offset[0], v + offset[1]] }) };
-  }
-  if (handle === "turn") {
-    const [x, , z] = axes({ ...object, yaw_deg: 0 });
-    /** @param {Pixel} pixel */
-    const angle = (pixel) => {
-      const point = onPlane(camera, pixel, object.position_m, up);
-      const flat = point && minus(point, object.position_m);
-      return flat && Math.atan2(dot(flat, x), dot(flat, z)) * DEGREES;
-    };
-    const start = angle(from);
-    return {
-      handle,
-      object: id,
-      command: (pixel) => {
-        const now = angle(pixel);
-        if (now === null || start === null) return null;
-        return { do: "turn", object: id, yaw_deg: round(rotated(object, wrapped(now - start)), 10) };
-      },
-    };
-  }
-  if (handle === "lift") {
-    // In the vertical plane that faces the camera.
-    const facing = unit(cross(cross(up, object.position_m), up));
-    /** @param {Pixel} pixel */
-    const height = (pixel) => {
-      const point = onPlane(camera, pixel, object.position_m, facing);
-      return point && dot(minus(point, object.position_m), up);
-    };
-    const start = height(from);
-    return {
-      handle,
-      object: id,
-      command: (pixel) => {
-        const now = height(pixel);
-        if (now === null || start === null) return null;
-        return { do: "place", object: id, place: { position: add(object.position_m, times(up, now - start)) } };
-      },
-    };
-  }
-  /** @param {Pixel} pixel */
-  const away = ([u, v]) => Math.hypot(u - base[0], v - base[1]);
-  const start = Math.max(away(from), 1);
-  return { handle, object: id, command: (pixel) => scaled(object, Math.min(Math.max(away(pixel) / start, 0.02), 50)) };
+  const offset = [base[0] - from[0], base[1] - from[1]];
+  return { handle: "move", object: id, command: ([u, v]) => ({ do: "drag", object: id, to: [u + offset[0], v + offset[1]] }) };
 }
 
 /**
- * Returns the command that scales an object by a factor.
+ * Starts a gesture on a handle.
  *
- * @param {Pick<ObjectView, "id" | "size">} object
+ * @param {Page} page
+ * @param {ObjectView} object
+ * @param {Gizmo} gizmo
+ * @param {Handle} handle
+ * @param {Pixel} from
+ * @returns {Gesture}
+ */
+function beginHandle(page, object, gizmo, handle, from) {
+  const { camera, up, extent } = page.openScene();
+  const { id } = object;
+  /**
+   * Returns the gesture whose command depends on the change of a measure.
+   *
+   * @param {(pixel: Pixel) => number | null} measure
+   * @param {(change: number) => Command} command
+   * @returns {Gesture}
+   */
+  const by = (measure, command) => {
+    const start = measure(from);
+    return {
+      handle,
+      object: id,
+      command(pixel) {
+        const now = measure(pixel);
+        return now === null || start === null ? null : command(now - start);
+      },
+    };
+  };
+  if (handle === "turn") {
+    const [x, , z] = axes({ ...object, yaw_deg: 0 });
+    return by((pixel) => {
+      const point = onPlane(camera, pixel, gizmo.ring_m, object.up);
+      const flat = point && minus(point, gizmo.ring_m);
+      return flat && Math.atan2(dot(flat, x), dot(flat, z)) * DEGREES;
+    }, (change) => ({ do: "turn", object: id, yaw_deg: round(rotated(object, wrapped(change)), 10) }));
+  }
+  if (handle === "size") {
+    const middle = project(camera, gizmo.anchor_m) ?? from;
+    const start = Math.max(Math.hypot(from[0] - middle[0], from[1] - middle[1]), 1);
+    return { handle, object: id, command: ([u, v]) => scaled(object, Math.max(Math.hypot(u - middle[0], v - middle[1]) / start, 0.02)) };
+  }
+  const axis = levelAxes(up)[handle];
+  return by((pixel) => alongAxis(camera, pixel, gizmo.anchor_m, axis), (change) => {
+    const moved = add(object.position_m, times(axis, change));
+    const pixel = object.rests && handle !== "up" ? project(camera, moved) : null;
+    // What stands keeps to its surface.
+    if (pixel) return { do: "drag", object: id, to: pixel };
+    return { do: "place", object: id, place: { position: aboveFloor(moved, up, extent.floor_m) } };
+  });
+}
+
+/**
+ * Returns a position, raised to the floor if it is below.
+ *
+ * @type {(position: Vector, up: Vector, floor_m: number) => Vector}
+ */
+export function aboveFloor(position, up, floor_m) {
+  return add(position, times(up, Math.max(-heightAboveFloor(position, up, floor_m), 0)));
+}
+
+/**
+ * Returns the command that scales an object by a factor, within limits of its size.
+ *
+ * @param {Pick<ObjectView, "id" | "size" | "size_m">} object
  * @param {number} factor
  * @returns {Command}
  */
-export function scaled({ id, size }, factor) {
+export function scaled({ id, size, size_m }, factor) {
+  const longest = Math.max(...size_m);
+  const within = Math.min(Math.max(factor, Math.min(SIDES_M[0] / longest, 1)), Math.max(SIDES_M[1] / longest, 1));
   /** @param {number} length */
-  const rounded = (length) => Number((length * factor).toPrecision(4));
+  const rounded = (length) => Number((length * within).toPrecision(4));
   const changed = "scale" in size ? { scale: rounded(size.scale) } : { height: rounded(size.height) };
   return { do: "size", object: id, size: changed };
 }
@@ -236,15 +265,19 @@ function messageOf(page, event) {
     return null;
   }
   const object = page.selected();
-  if (!object) return undefined;
-  const { camera } = page.openScene();
+  if (!object) {
+    const direction = { "+": 1, "=": 1, "-": -1 }[name];
+    if (direction) page.zoom(direction);
+    return direction ? null : undefined;
+  }
+  const { camera, up, extent } = page.openScene();
   const base = project(camera, object.position_m);
   const step = (isFine ? 0.001 : 0.01) * camera.width;
   /** @type {(du: number, dv: number) => FromPage | null} */
   const drag = (du, dv) => base && command({ do: "drag", object: object.id, to: [base[0] + du, base[1] + dv] });
   /** @param {number} metres */
   const lift = (metres) => {
-    const position = add(object.position_m, times(object.up, metres));
+    const position = aboveFloor(add(object.position_m, times(up, metres)), up, extent.floor_m);
     return command({ do: "place", object: object.id, place: { position } });
   };
   /** @param {number} degrees */
@@ -260,15 +293,10 @@ function messageOf(page, event) {
     case "]": return rotate(-5);
     case "+": case "=": return command(scaled(object, 1.05));
     case "-": return command(scaled(object, 1 / 1.05));
-    case "g": case "G": return base && command(putDown(object, base));
+    case "g": case "G": return command({ do: "put-down", object: object.id });
+    case "h": case "H": return command({ do: "show", object: object.id, is_shown: object.is_hidden });
+    case "l": case "L": return command({ do: "lock", object: object.id, is_locked: !object.is_locked });
     case "Delete": case "Backspace": return command({ do: "delete", object: object.id });
     default: return undefined;
   }
 }
-
-/**
- * Returns the command that puts an object down on the surface seen at its base, a photo position.
- *
- * @type {(object: Pick<ObjectView, "id">, base: Pixel) => Command}
- */
-export const putDown = ({ id }, base) => ({ do: "place", object: id, place: { pixel: base } });

@@ -1,57 +1,132 @@
-// Drawings over the photo: the selected object's handles in perspective (box, rotation ring, lift arrow, scale corner),
-// and the white pixel.
+// Drawings over the photo: the selected object's box, arrows, ring and corner, its drop line, and the white pixel.
 
-import { add, axes, complete, corners, project, times } from "./camera.js";
+import { add, axes, complete, corners, direction, minus, dot, project, times } from "./camera.js";
+import { short } from "./dom.js";
 
 /** @import { Box, Lens, Pixel, Vector } from "./camera.js" */
+/** @import { LevelAxes } from "./orbit.js" */
 
-/** @typedef {"lift" | "turn" | "size"} Handle */
-/** @typedef {{ lift: Pixel, turn: Pixel, size: Pixel, top: Pixel, ring: Pixel[], box: Pixel[] }} Handles Photo positions. */
-
-/** @type {Handle[]} */
-const HANDLES = ["lift", "turn", "size"];
-
-/** Radius of the ring as a multiple of the base's half diagonal. */
-const RING = 1.15;
+/** @typedef {"right" | "up" | "ahead" | "turn" | "size"} Handle */
+/** @typedef {{ left: number, top: number, right: number, bottom: number }} Rect Part of the photo, pixels. */
+/** @typedef {{ name: "right" | "up" | "ahead", from: Pixel, to: Pixel }} Arrow Photo positions. */
 
 /**
- * Projects an object's handles to photo positions; null if any is behind the camera.
+ * The handles of an object; photo positions unless noted.
  *
- * @type {(camera: Lens, object: Box) => Handles | null}
+ * @typedef {object} Gizmo
+ * @property {Vector} anchor_m Where the arrows begin, metres: the object's middle, or the visible point nearest to it.
+ * @property {Vector} ring_m Centre of the ring, metres.
+ * @property {Arrow[]} arrows
+ * @property {Pixel[]} ring
+ * @property {Pixel} size
+ * @property {Pixel[] | null} box Null if it reaches behind the camera.
  */
-export function handlesOf(camera, object) {
+
+/** Radius of the ring as a multiple of the base's half diagonal, and its least and largest radius, rem. */
+const RING = 1.15;
+const RING_REM = [2.4, 9];
+/** Beginning and end of an arrow, rem from the anchor. */
+const ARROW_REM = [0.9, 4.6];
+/** Largest factor by which a foreshortened arrow is lengthened. */
+const MAX_STRETCH = 4;
+
+/** @type {Record<Handle, string>} */
+const COLORS = { right: "#ff7b72", up: "#7ee787", ahead: "#79b8ff", turn: "#f0a93b", size: "#f0a93b" };
+
+/** @type {(pixel: Pixel, rect: Rect, inset: number) => Pixel} */
+const inside = ([u, v], { left, top, right, bottom }, inset) => [
+  Math.min(Math.max(u, left + inset), Math.max(right - inset, left + inset)),
+  Math.min(Math.max(v, top + inset), Math.max(bottom - inset, top + inset)),
+];
+
+/**
+ * Returns the handles of an object, all of them in the visible part of the photo; null if its middle is behind the
+ * camera. `rem` in photo pixels.
+ *
+ * @type {(camera: Lens, object: Box, level: LevelAxes, visible: Rect, rem: number) => Gizmo | null}
+ */
+export function gizmoOf(camera, object, level, visible, rem) {
   const [x, up, z] = axes(object);
   const [width, height, length] = object.size_m;
-  const radius = (RING * Math.hypot(width, length)) / 2;
-  const rise = Math.max(0.35 * height, 0.5 * radius);
-  const top = add(object.position_m, times(up, height));
+  const middle = add(object.position_m, times(up, height / 2));
+  const seen = project(camera, middle);
+  if (!seen) return null;
+  const at = inside(seen, visible, 3 * rem);
+  const isMoved = at[0] !== seen[0] || at[1] !== seen[1];
+  const depth = -middle[2];
+  const anchor_m = isMoved ? times(direction(camera, at), depth) : middle;
+  const rem_m = (rem * depth) / camera.fx;
+  /** @type {Arrow[]} */
+  const arrows = [];
+  for (const name of /** @type {const} */ (["right", "up", "ahead"])) {
+    const unit = project(camera, add(anchor_m, times(level[name], rem_m)));
+    const seenLength = unit ? Math.hypot(unit[0] - at[0], unit[1] - at[1]) : 0;
+    if (seenLength < 1e-6) continue;
+    const metres = rem_m * Math.min(Math.max(rem / seenLength, 1), MAX_STRETCH);
+    /** @type {(length: number) => (Pixel | null)[]} */
+    const ends = (length) => ARROW_REM.map((rems) => project(camera, add(anchor_m, times(level[name], length * rems * metres))));
+    /** @param {Pixel | null} end */
+    const isVisible = (end) => end !== null && String(inside(end, visible, 0)) === String(end);
+    // Away from the camera, an arrow would cover the one up.
+    const side = name === "ahead" ? -1 : 1;
+    const lengths = [side, 0.5 * side, 0.25 * side, -side, -0.5 * side, -0.25 * side];
+    const [from, to] = ends(lengths.find((each) => isVisible(ends(each)[1])) ?? side);
+    // Seen from its end, an arrow has no direction on the photo.
+    if (from && to && Math.hypot(to[0] - from[0], to[1] - from[1]) > 0.8 * rem) arrows.push({ name, from, to });
+  }
+  const ring_m = isMoved ? anchor_m : object.position_m;
+  const radius = Math.min(Math.max((RING * Math.hypot(width, length)) / 2, RING_REM[0] * rem_m), RING_REM[1] * rem_m);
   /** @type {(angle: number) => Vector} */
-  const onRing = (angle) => add(object.position_m, add(times(x, radius * Math.sin(angle)), times(z, radius * Math.cos(angle))));
-  const ring = Array.from({ length: 49 }, (_, i) => onRing((2 * Math.PI * i) / 48));
-  const points = [top, add(top, times(up, rise)), object.position_m, ...ring, ...corners(object)];
-  const projected = complete(points.map((point) => project(camera, point)));
-  if (!projected) return null;
-  const box = projected.slice(-8);
-  return { top: projected[0], lift: projected[1], turn: projected[3], size: box[6], ring: projected.slice(3, -8), box };
+  const onRing = (angle) => add(ring_m, add(times(x, radius * Math.sin(angle)), times(z, radius * Math.cos(angle))));
+  const ring = complete(Array.from({ length: 49 }, (_, i) => project(camera, onRing((2 * Math.PI * i) / 48))));
+  const box = complete(corners(object).map((corner) => project(camera, corner)));
+  const size = inside(box ? box[6] : [at[0] + 2 * rem, at[1] - 2 * rem], visible, rem);
+  return { anchor_m, ring_m, arrows, ring: ring ?? [], size, box };
 }
 
 /** Edges of a box, as indices of its corners. */
 export const EDGES = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
 
 /**
- * Draws the handles of the selected object and the box of the hovered one; `scale` is canvas pixels per photo pixel.
+ * Returns the distance of a point from a segment.
+ *
+ * @type {(point: Pixel, from: Pixel, to: Pixel) => number}
+ */
+export function segmentDistance([u, v], [a, b], [c, d]) {
+  const squared = (c - a) ** 2 + (d - b) ** 2;
+  const share = squared > 0 ? Math.min(Math.max(((u - a) * (c - a) + (v - b) * (d - b)) / squared, 0), 1) : 0;
+  return Math.hypot(u - a - share * (c - a), v - b - share * (d - b));
+}
+
+/**
+ * Returns the name of the handle at a photo position, or null: arrows and the ring along their whole length, the corner
+ * first. `reach` in photo pixels.
+ *
+ * @type {(gizmo: Gizmo | null, pixel: Pixel, reach: number) => Handle | null}
+ */
+export function handleAt(gizmo, pixel, reach) {
+  if (!gizmo) return null;
+  if (Math.hypot(gizmo.size[0] - pixel[0], gizmo.size[1] - pixel[1]) <= 0.8 * reach) return "size";
+  /** @type {{ name: Handle, distance: number }[]} */
+  const near = gizmo.arrows.map(({ name, from, to }) => ({ name, distance: segmentDistance(pixel, from, to) }));
+  const around = gizmo.ring.slice(1).map((point, i) => segmentDistance(pixel, gizmo.ring[i], point));
+  near.push({ name: "turn", distance: Math.min(...around) });
+  const [nearest] = near.filter(({ distance }) => distance <= 0.6 * reach).sort((a, b) => a.distance - b.distance);
+  return nearest?.name ?? null;
+}
+
+/**
+ * Draws the handles of the selected object and the box of the hovered one. The context is translated to the photo's
+ * origin; `scale` is canvas pixels per photo pixel.
  *
  * @param {CanvasRenderingContext2D} context
  * @param {number} scale
- * @param {number} rem
- * @param {Lens} camera
- * @param {Box | null} selected
- * @param {Box | null} hovered
+ * @param {number} rem Canvas pixels.
+ * @param {Gizmo | null} selected
+ * @param {Gizmo | null} hovered
  * @param {string | null} active Name of the handle that is being dragged.
  */
-export function drawHandles(context, scale, rem, camera, selected, hovered, active) {
-  const { canvas } = context;
-  context.clearRect(0, 0, canvas.width, canvas.height);
+export function drawHandles(context, scale, rem, selected, hovered, active) {
   /** @type {(pixel: Pixel) => Pixel} */
   const at = ([u, v]) => [u * scale, v * scale];
   /** @type {(points: Pixel[], color: string, width: number) => void} */
@@ -67,49 +142,88 @@ export function drawHandles(context, scale, rem, camera, selected, hovered, acti
     context.lineWidth = width;
     context.stroke();
   };
-  /** @type {(point: Pixel, name: Handle) => void} */
-  const knob = (point, name) => {
-    const isActive = active === name;
-    context.setLineDash([]);
-    context.beginPath();
-    context.arc(...at(point), (isActive ? 0.55 : 0.42) * rem, 0, 2 * Math.PI);
-    context.fillStyle = isActive ? "#fff" : "#f0a93b";
-    context.fill();
-    context.strokeStyle = "#000";
-    context.lineWidth = 0.1 * rem;
-    context.stroke();
-  };
+  /** @param {Handle} name */
+  const color = (name) => (active === name ? "#fff" : COLORS[name]);
   /** @type {(box: Pixel[], color: string) => void} */
-  const outline = (box, color) => EDGES.forEach(([a, b]) => line([box[a], box[b]], color, 0.07 * rem));
-  if (hovered && hovered !== selected) {
-    const handles = handlesOf(camera, hovered);
-    if (handles) outline(handles.box, "#ffffffb0");
-  }
-  const handles = selected && handlesOf(camera, selected);
-  if (!handles) return;
-  outline(handles.box, "#f0a93b90");
-  line(handles.ring, "#f0a93b", 0.13 * rem);
-  line([handles.top, handles.lift], "#f0a93b", 0.13 * rem);
-  /** @type {(to: Pixel, from: Pixel) => void} */
-  const arrow = ([u, v], [fromU, fromV]) => {
-    const length = Math.max(Math.hypot(u - fromU, v - fromV), 1e-6);
-    const size = ((active === "lift" ? 0.7 : 0.55) * rem) / scale;
-    const [du, dv] = [((u - fromU) / length) * size, ((v - fromV) / length) * size];
-    context.setLineDash([]);
+  const outline = (box, boxColor) => EDGES.forEach(([a, b]) => line([box[a], box[b]], boxColor, 0.07 * rem));
+  if (hovered?.box) outline(hovered.box, "#ffffffb0");
+  if (!selected) return;
+  if (selected.box) outline(selected.box, "#f0a93b90");
+  line(selected.ring, color("turn"), (active === "turn" ? 0.2 : 0.13) * rem);
+  for (const { name, from, to } of selected.arrows) {
+    line([from, to], color(name), 0.17 * rem);
+    const length = Math.max(Math.hypot(to[0] - from[0], to[1] - from[1]), 1e-6);
+    const size = ((active === name ? 0.65 : 0.55) * rem) / scale;
+    const [du, dv] = [((to[0] - from[0]) / length) * size, ((to[1] - from[1]) / length) * size];
+    const [u, v] = to;
     context.beginPath();
-    context.lineTo(...at([u + du, v + dv]));
-    context.lineTo(...at([u - du - 0.9 * dv, v - dv + 0.9 * du]));
-    context.lineTo(...at([u - du + 0.9 * dv, v - dv - 0.9 * du]));
+    context.moveTo(...at([u + du, v + dv]));
+    context.lineTo(...at([u - du - 0.8 * dv, v - dv + 0.8 * du]));
+    context.lineTo(...at([u - du + 0.8 * dv, v - dv - 0.8 * du]));
     context.closePath();
-    context.fillStyle = active === "lift" ? "#fff" : "#f0a93b";
-    context.fill();
-    context.strokeStyle = "#000";
-    context.lineWidth = 0.1 * rem;
+    fill(context, color(name), rem);
+  }
+  const half = (active === "size" ? 0.5 : 0.4) * rem;
+  const [x, y] = at(selected.size);
+  context.beginPath();
+  context.rect(x - half, y - half, 2 * half, 2 * half);
+  fill(context, color("size"), rem);
+}
+
+/** @type {(context: CanvasRenderingContext2D, color: string, rem: number) => void} */
+function fill(context, color, rem) {
+  context.setLineDash([]);
+  context.fillStyle = color;
+  context.fill();
+  context.strokeStyle = "#000";
+  context.lineWidth = 0.1 * rem;
+  context.stroke();
+}
+
+/**
+ * Returns the height of a point above the floor, metres.
+ *
+ * @type {(point: Vector, up: Vector, floor_m: number) => number}
+ */
+export const heightAboveFloor = (point, up, floor_m) => dot(point, up) - floor_m;
+
+/**
+ * Draws a line from an object in the air down to the floor, with its height.
+ *
+ * @param {CanvasRenderingContext2D} context
+ * @param {number} scale
+ * @param {number} rem
+ * @param {Lens} camera
+ * @param {Vector} base
+ * @param {Vector} up
+ * @param {number} floor_m
+ */
+export function drawDropLine(context, scale, rem, camera, base, up, floor_m) {
+  const height = heightAboveFloor(base, up, floor_m);
+  const ends = complete([base, minus(base, times(up, height))].map((point) => project(camera, point)));
+  if (height < 0.02 || !ends) return;
+  const [[x, y], [floorX, floorY]] = ends.map(([u, v]) => [u * scale, v * scale]);
+  for (const [color, width] of /** @type {const} */ ([["#000a", 0.26], ["#fff", 0.12]])) {
+    context.beginPath();
+    context.moveTo(x, y);
+    context.lineTo(floorX, floorY);
+    context.moveTo(floorX - 0.6 * rem, floorY);
+    context.lineTo(floorX + 0.6 * rem, floorY);
+    context.setLineDash([0.4 * rem, 0.3 * rem]);
+    context.strokeStyle = color;
+    context.lineWidth = width * rem;
     context.stroke();
-  };
-  knob(handles.turn, "turn");
-  arrow(handles.lift, handles.top);
-  knob(handles.size, "size");
+  }
+  context.setLineDash([]);
+  const text = `${short(Math.round(100 * height) / 100)} m above the floor`;
+  context.font = `${0.95 * rem}px system-ui, "DejaVu Sans", sans-serif`;
+  context.textBaseline = "middle";
+  context.lineJoin = "round";
+  context.strokeStyle = "#000c";
+  context.lineWidth = 0.25 * rem;
+  context.strokeText(text, floorX + 0.9 * rem, floorY);
+  context.fillStyle = "#fff";
+  context.fillText(text, floorX + 0.9 * rem, floorY);
 }
 
 /**
@@ -138,19 +252,4 @@ export function drawWhite(context, scale, rem, [u, v]) {
   context.arc(...centre, 0.1 * rem, 0, 2 * Math.PI);
   context.fillStyle = "#fff";
   context.fill();
-}
-
-/**
- * Returns the name of the handle at a photo position, or null; `reach` in photo pixels.
- *
- * @type {(camera: Lens, object: Box, pixel: Pixel, reach: number) => Handle | null}
- */
-export function handleAt(camera, object, [u, v], reach) {
-  const handles = handlesOf(camera, object);
-  if (!handles) return null;
-  const near = HANDLES
-    .map((name) => ({ name, distance: Math.hypot(handles[name][0] - u, handles[name][1] - v) }))
-    .filter(({ distance }) => distance <= reach)
-    .sort((a, b) => a.distance - b.distance);
-  return near[0]?.name ?? null;
 }

@@ -37,6 +37,16 @@ export class ImageView {
     this.drawn = drawn;
     this.exposure = 0;
     this.isFalseColour = false;
+    /** The part of the image that the canvas shows, as shares of its width and height. */
+    this.region = { x: 0, y: 0, width: 1, height: 1 };
+    /** Whether pixels are so large that their edges are to be seen. */
+    this.isMagnified = false;
+    /**
+     * Share of the canvas, from the left, that shows the photo as taken.
+     *
+     * @type {number | null}
+     */
+    this.wipe = null;
     /** @type {ImageBitmap | null} */
     this.overlay = null;
     /**
@@ -56,6 +66,12 @@ export class ImageView {
     this.bitmap = null;
     /** @type {ImageBitmap | null} */
     this.photo = null;
+    /**
+     * The photo at full size, for the wipe.
+     *
+     * @type {ImageBitmap | null}
+     */
+    this.original = null;
   }
 
   /**
@@ -119,32 +135,33 @@ export class ImageView {
 
   draw() {
     const { context, canvas, bitmap } = this;
-    if (!bitmap) {
-      context.clearRect(0, 0, canvas.width, canvas.height);
-      return;
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    if (!bitmap) return;
+    this.drawPart(bitmap, 1);
+    const before = this.original ?? this.photo;
+    if (this.wipe !== null && before) this.drawPart(before, this.wipe);
+    if (this.exposure !== 0 || this.isFalseColour) {
+      const image = context.getImageData(0, 0, canvas.width, canvas.height);
+      (this.isFalseColour ? falseColour : brightened)(image.data, 2 ** this.exposure);
+      context.putImageData(image, 0, 0);
     }
-    context.imageSmoothingQuality = this.shown?.at ? "low" : "high";
-    context.drawImage(this.developed(bitmap), 0, 0, canvas.width, canvas.height);
-    if (this.overlay) context.drawImage(this.overlay, 0, 0, canvas.width, canvas.height);
+    if (this.overlay) this.drawPart(this.overlay, 1);
   }
 
   /**
-   * Returns the frame with exposure or false colour applied.
+   * Draws the shown region of an image, of which the canvas shows a share from the left.
    *
-   * @param {ImageBitmap | OffscreenCanvas} bitmap
+   * @param {ImageBitmap | OffscreenCanvas} image
+   * @param {number} share
    */
-  developed(bitmap) {
-    if (this.exposure === 0 && !this.isFalseColour) return bitmap;
-    // At the displayed resolution.
-    const scale = Math.min(1, this.canvas.width / bitmap.width);
-    const [width, height] = [Math.round(bitmap.width * scale), Math.round(bitmap.height * scale)];
-    const work = new OffscreenCanvas(width, height);
-    const context = contextOf(work, { willReadFrequently: true });
-    context.drawImage(bitmap, 0, 0, width, height);
-    const image = context.getImageData(0, 0, width, height);
-    (this.isFalseColour ? falseColour : brightened)(image.data, 2 ** this.exposure);
-    context.putImageData(image, 0, 0);
-    return work;
+  drawPart(image, share) {
+    const { context, canvas, region } = this;
+    const [width, height] = [canvas.width * share, canvas.height];
+    if (width <= 0) return;
+    context.imageSmoothingEnabled = !(this.isMagnified && image.width * region.width * 3 < canvas.width);
+    context.imageSmoothingQuality = this.shown?.at ? "low" : "high";
+    context.drawImage(image, region.x * image.width, region.y * image.height, region.width * share * image.width,
+      region.height * image.height, 0, 0, width, height);
   }
 }
 

@@ -2,13 +2,18 @@
 
 import { around, byId, contextOf, copyText, element, showMessage } from "./dom.js";
 import { listen } from "./gestures.js";
-import { drawHandles, drawWhite } from "./handles.js";
+import { drawDropLine, drawHandles, drawWhite, gizmoOf } from "./handles.js";
 import { ImageView, LUMINANCE_LEGEND } from "./image_view.js";
 import { lightsPanel } from "./lights.js";
-import { objectsPanel } from "./objects.js";
+import { objectsPanel, sizeNote } from "./objects.js";
+import { levelAxes } from "./orbit.js";
 import { OVERLAYS, outsideView } from "./outside.js";
+import { rememberPanels } from "./panels.js";
+import { photoStage } from "./photo_stage.js";
 import { probePanel } from "./probe.js";
+import { saving } from "./saving.js";
 import { connect } from "./server.js";
+import { startPage } from "./start.js";
 import { figures, page } from "./store.js";
 import { timelinePanel } from "./timeline.js";
 import { listenForFiles, save } from "./uploads.js";
@@ -74,13 +79,18 @@ page.select = (id) => {
   page.redraw();
 };
 
-page.photoPosition = (event) => {
-  const box = handles.getBoundingClientRect();
-  const { width, height } = page.openScene().camera;
-  return [((event.clientX - box.left) / box.width) * width, ((event.clientY - box.top) / box.height) * height];
-};
+const photo = photoStage(page, stage, imageView);
 const rem = () => parseFloat(getComputedStyle(document.documentElement).fontSize);
-page.reach = () => (rem() * page.openScene().camera.width) / handles.getBoundingClientRect().width;
+page.visible = () => {
+  const { origin: [left, top], scale, width, height } = photo.shown();
+  return { left, top, right: left + width / scale, bottom: top + height / scale };
+};
+/** @param {import("./protocol.d.ts").ObjectView | null} object */
+const gizmo = (object) => object && gizmoOf(page.openScene().camera, object, levelAxes(page.openScene().up), page.visible(), page.reach());
+page.gizmo = () => {
+  const object = page.selected();
+  return object && !object.is_locked && !object.is_hidden ? gizmo(object) : null;
+};
 page.hover = (pixel) => {
   const { width, height } = page.openScene().camera;
   if (pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < width && pixel[1] < height) probe.at(pixel);
@@ -95,10 +105,19 @@ page.redraw = () => {
     const ratio = devicePixelRatio;
     const gesture = page.gesture();
     const active = gesture?.handle ?? null;
-    const scale = handles.width / page.scene.camera.width;
-    const hovered = gesture ? null : page.view?.objects.find((object) => object.id === page.hovered?.id) ?? null;
+    const { scale: shownScale, origin } = photo.shown();
+    const scale = shownScale * ratio;
+    const selected = page.selected();
+    const hovered = gesture ? null : page.view?.objects.find(({ id }) => id === page.hovered?.id && id !== selected?.id) ?? null;
     const context = contextOf(handles);
-    drawHandles(context, scale, rem() * ratio, page.scene.camera, page.selected(), hovered, active);
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, handles.width, handles.height);
+    context.translate(-origin[0] * scale, -origin[1] * scale);
+    if (selected && !selected.rests && !selected.is_hidden) {
+      const { camera, up, extent } = page.scene;
+      drawDropLine(context, scale, rem() * ratio, camera, selected.position_m, up, extent.floor_m);
+    }
+    drawHandles(context, scale, rem() * ratio, page.gizmo(), gizmo(hovered), active);
     const { white, light, effect } = page.view?.inferred_light ?? {};
     if (white && light !== "even" && effect === "expected") drawWhite(context, scale, rem() * ratio, white);
     outside.draw();
@@ -114,10 +133,15 @@ Object.assign(page.keys, {
   v: () => outside.toggle(),
   f: () => setOverlay(byId("overlay").value === "luminance" ? "" : "luminance"),
   0: () => setExposure(0),
+  b: () => photo.toggleWipe(),
+  Home: () => page.zoom(0),
   "?": () => byId("help").showModal(),
 });
 
 listenForFiles(page);
+saving(page);
+const start = startPage(page);
+rememberPanels();
 const probe = probePanel(page);
 const showObjects = objectsPanel(page);
 const showLights = lightsPanel(page);
@@ -137,20 +161,27 @@ function receive(message, images) {
   switch (message.type) {
     case "hello":
       page.materials = message.materials;
+      page.autosaves = message.autosaves;
+      start.setSamples(message.samples, message.can_estimate);
+      break;
+    case "recent":
+      start.setRecent(message.rooms);
       break;
     case "empty":
       page.scene = page.view = null;
-      byId("open-error").textContent = message.error ?? "";
-      byId("open-text").hidden = !message.can_estimate;
       setScreen("empty");
+      start.show(true, message.error ?? "");
+      break;
+    case "opening-ended":
+      byId("opening").hidden = true;
       break;
     case "opening":
-      page.scene = page.view = null;
+      byId("opening").hidden = false;
+      byId("opening-note").hidden = !page.isOpen();
       byId("opening-file").textContent = `Opening ${message.file}`;
       byId("opening-stage").textContent = message.stage || "reading";
       if (message.done === null) byId("opening-progress").removeAttribute("value");
       else byId("opening-progress").value = message.done;
-      setScreen("opening");
       break;
     case "scene":
       openScene(message);
@@ -194,29 +225,30 @@ function receive(message, images) {
   }
 }
 
-/** @param {"connecting" | "empty" | "opening" | "scene"} at */
+/** @param {"connecting" | "empty" | "scene"} at */
 function setScreen(at) {
   document.body.dataset.at = at;
-  byId("open").hidden = at !== "empty";
-  byId("opening").hidden = at !== "opening";
 }
 
 /** @param {SceneInfo} scene */
 function openScene(scene) {
   const isNew = page.scene?.scene !== scene.scene;
   page.scene = scene;
-  byId("file").textContent = scene.is_saved ? scene.file : `${scene.file} (not saved)`;
   setScreen("scene");
   if (isNew) {
+    start.show(false);
+    // Until its state arrives.
+    page.view = null;
     page.selectedId = null;
     page.picking?.(null);
     imageView.reset();
+    photo.reset();
     probe.shown_m = null;
     outside.reset();
     setOverlay("");
     scene.notes.forEach((note) => showMessage(note));
   }
-  resizeCanvases();
+  photo.resize();
 }
 
 /** @param {Extract<ToPage, { type: "state" }>} message */
@@ -225,6 +257,8 @@ function showState({ change, view }) {
   const known = new Set(page.view?.objects.map((object) => object.id) ?? view.objects.map((object) => object.id));
   // An added object is selected, to be moved next.
   const added = view.objects.find((object) => !known.has(object.id));
+  const note = added && !added.path && view.can_undo ? sizeNote(added) : "";
+  if (note) showMessage(note);
   page.view = view;
   page.change = change;
   if (added) page.selectedId = added.id;
@@ -242,9 +276,11 @@ function showPanels() {
   if (!scene || !view) return;
   byId("undo").disabled = !view.can_undo;
   byId("redo").disabled = !view.can_redo;
-  const isUnsaved = !scene.is_saved || view.edited;
+  const isUnsaved = !view.has_file || view.edited;
+  byId("file").textContent = view.file + (view.unsaved || !view.has_file ? " – not saved" : "");
+  byId("file").title = view.file;
   byId("command").textContent = view.command ?? "";
-  byId("command").title = view.command && isUnsaved ? `save the scene as ${scene.file} first (Save, Scene)` : "";
+  byId("command").title = view.command && isUnsaved ? `save the scene as ${view.file} first (Ctrl+S)` : "";
   byId("copy").hidden = !view.command;
   showObjects();
   showLights();
@@ -292,25 +328,6 @@ function movement(now) {
 function setStatus(text) {
   if (byId("status").textContent !== text) byId("status").textContent = text;
 }
-
-function resizeCanvases() {
-  if (!page.scene) return;
-  const { width, height } = page.scene.camera;
-  const box = stage.getBoundingClientRect();
-  const scale = Math.min(box.width / width, box.height / height);
-  for (const canvas of [byId("picture"), handles]) {
-    const [shownWidth, shownHeight] = [width * scale, height * scale];
-    canvas.style.width = `${shownWidth}px`;
-    canvas.style.height = `${shownHeight}px`;
-    canvas.style.left = `${(box.width - shownWidth) / 2}px`;
-    canvas.style.top = `${(box.height - shownHeight) / 2}px`;
-    canvas.width = Math.round(shownWidth * devicePixelRatio);
-    canvas.height = Math.round(shownHeight * devicePixelRatio);
-  }
-  imageView.draw();
-  page.redraw();
-}
-new ResizeObserver(resizeCanvases).observe(stage);
 
 /**
  * Shows colours and their meanings.
@@ -365,7 +382,6 @@ byId("exposure").oninput = () => setExposure(byId("exposure").valueAsNumber);
 byId("exposure").ondblclick = () => setExposure(0);
 byId("undo").onclick = () => page.send({ type: "undo" });
 byId("redo").onclick = () => page.send({ type: "redo" });
-byId("close").onclick = () => page.mayLeave() && page.send({ type: "close" });
 byId("opening-stop").onclick = () => page.send({ type: "stop" });
 byId("help-button").onclick = () => byId("help").showModal();
 byId("copy").onclick = async () => {
@@ -373,14 +389,15 @@ byId("copy").onclick = async () => {
     showMessage("the browser does not allow copying; the command is selected: press Ctrl-C or ⌘C");
     return;
   }
-  const [scene, view] = [page.openScene(), page.openView()];
-  const isUnsaved = !scene.is_saved || view.edited;
-  showMessage(isUnsaved ? `copied; save the scene as ${scene.file} before you run it (Save, Scene)` : "copied");
+  const view = page.openView();
+  const isUnsaved = !view.has_file || view.edited;
+  showMessage(isUnsaved ? `copied; save the scene as ${view.file} before you run it (Ctrl+S)` : "copied");
 };
-for (const button of byId("save").querySelectorAll("button")) {
+for (const button of byId("export").querySelectorAll("button")) {
+  if (button.id === "save-as") continue;
   const { file = "" } = button.dataset;
   button.onclick = () => {
-    byId("save").open = false;
+    byId("export").open = false;
     if (file === "light.exr" && !probe.pixel) {
       showMessage("point at the photo first, to place the probe", true);
       return;
@@ -397,5 +414,5 @@ for (const button of byId("save").querySelectorAll("button")) {
   };
 }
 document.addEventListener("click", (event) => {
-  if (!around(event, "#save")) byId("save").open = false;
+  if (!around(event, "#export") || around(event, "#save-as")) byId("export").open = false;
 });

@@ -1,16 +1,18 @@
 // The panel of objects: adding objects, the list, and the properties of the selected one.
 
-import { project } from "./camera.js";
-import { around, byId, element, fill, hexFromLinear, linearFromHex, short, showMessage } from "./dom.js";
-import { putDown } from "./gestures.js";
+import { add, dot, times } from "./camera.js";
+import { around, byId, element, fill, hexFromLinear, linearFromHex, short } from "./dom.js";
+import { aboveFloor } from "./gestures.js";
+import { heightAboveFloor } from "./handles.js";
+import { levelAxes } from "./orbit.js";
 
 /** @import { Align, Command, ObjectMaterial, ObjectView } from "./protocol.d.ts" */
-/** @import { Page } from "./store.js" */
+/** @import { NewObject, Page } from "./store.js" */
 
 /** @type {Align[]} */
 const ALIGNS = ["gravity", "surface", "none"];
 
-/** @type {[string, { mesh: string, material?: ObjectMaterial }][]} */
+/** @type {[string, NewObject][]} */
 const NEW = [
   ["Matte sphere", { mesh: "builtin:sphere", material: { preset: "matte-white" } }],
   ["Chrome sphere", { mesh: "builtin:sphere", material: { preset: "chrome" } }],
@@ -31,18 +33,24 @@ export function objectsPanel(page) {
   /** @param {Command} command */
   const act = (command) => page.send({ type: "command", command });
   for (const [text, what] of NEW) {
-    byId("add").append(element("button", { textContent: text, onclick: (/** @type {MouseEvent} */ event) => {
+    const button = element("button", { textContent: text, draggable: true, onclick: (/** @type {MouseEvent} */ event) => {
       act({ do: "add", ...what });
       // After a click, the keys apply to the photo.
       if (event.detail) byId("stage").focus();
-    } }));
+    } });
+    button.addEventListener("dragstart", (event) => {
+      page.dragged = what;
+      event.dataTransfer?.setData("text/plain", text);
+    });
+    button.addEventListener("dragend", () => { page.dragged = null; });
+    byId("add").append(button);
   }
   byId("add").append(element("button", { textContent: "File…", title: "GLB, glTF, OBJ, PLY or STL", onclick: page.pickFile }));
 
   const list = byId("objects");
   list.addEventListener("keydown", (event) => {
     const item = around(event, "li");
-    if (!item) return;
+    if (!item || around(event, "button")) return;
     if (event.key === "Enter" || event.key === " ") page.select(Number(item.dataset.id));
     else if (event.key === "ArrowDown" || event.key === "ArrowUp") {
       const next = event.key === "ArrowDown" ? item.nextElementSibling : item.previousElementSibling;
@@ -63,17 +71,43 @@ export function objectsPanel(page) {
 
   const show = propertiesOf(page, act);
   return () => {
-    const items = page.openView().objects.map((object) => element("li", {
-      role: "option",
-      tabIndex: 0,
-      textContent: object.name,
-      "aria-selected": String(object.id === page.selectedId),
-      "data-id": String(object.id),
-      onclick: () => page.select(object.id),
-    }));
-    const focused = document.activeElement?.closest("#objects li")?.getAttribute("data-id");
+    const items = page.openView().objects.map((object) => {
+      const { id, name, is_hidden, is_locked } = object;
+      /** @type {(text: string, label: string, isOn: boolean, command: Command) => HTMLButtonElement} */
+      const toggle = (text, label, isOn, command) => element("button", {
+        type: "button",
+        className: "toggle",
+        textContent: text,
+        "aria-label": label,
+        "aria-pressed": String(isOn),
+        onclick: (/** @type {MouseEvent} */ event) => {
+          event.stopPropagation();
+          act(command);
+        },
+      });
+      return element("li", {
+        role: "option",
+        tabIndex: 0,
+        className: is_hidden ? "hidden" : "",
+        "aria-selected": String(id === page.selectedId),
+        "data-id": String(id),
+        onclick: () => page.select(id),
+      },
+      element("span", { className: "name", textContent: name }),
+      toggle(is_hidden ? "Hidden" : "Hide", `Hide ${name}`, is_hidden, { do: "show", object: id, is_shown: is_hidden }),
+      toggle(is_locked ? "Locked" : "Lock", `Lock ${name}`, is_locked, { do: "lock", object: id, is_locked: !is_locked }));
+    });
+    const focused = document.activeElement?.closest("#objects li");
+    const focusedId = focused?.getAttribute("data-id") ?? undefined;
+    // Of a row, the button that has the focus keeps it.
+    const focusedButton = [...focused?.querySelectorAll("button") ?? []].findIndex((button) => button === document.activeElement);
     list.replaceChildren(...items);
-    if (focused) focusItem(focused);
+    if (focusedId) {
+      focusItem(focusedId);
+      if (focusedButton >= 0) list.querySelectorAll(`[data-id="${focusedId}"] button`).forEach((button, i) => {
+        if (i === focusedButton && button instanceof HTMLElement) button.focus();
+      });
+    }
     show(page.selected());
   };
 }
@@ -109,9 +143,15 @@ function propertiesOf(page, act) {
   const select = (options) => element("select", {}, ...options.map(([value, text]) => element("option", { value, textContent: text })));
 
   const [name] = field("Name", element("input", { type: "text", maxLength: 100 }));
-  const position = field("Position, m", number("x", 0.01), number("y", 0.01), number("z", 0.01));
+  // In the axes of the arrows: from the camera to the right and ahead, and from the floor up.
+  const right = number("To the right of the camera, metres", 0.01, { min: -50, max: 50 });
+  const ahead = number("Ahead of the camera, metres", 0.01, { min: -50, max: 50 });
+  const above = number("Above the floor, metres", 0.01, { min: 0, max: 50 });
+  field("Right, ahead", right, ahead);
+  field("Above floor", above);
   const [turn] = field("Rotation, °", number("Rotation in degrees", 1));
-  const [size] = field("Height, m", number("Height in metres", 0.01, { min: 0.001 }));
+  const realSize = element("button", { type: "button", textContent: "Real size" });
+  const [size] = field("Height, m", number("Height in metres", 0.01, { min: 0.001, max: 20 }), realSize);
   const [align] = field("Align", select([["gravity", "with gravity"], ["surface", "with the surface"], ["none", "with the image"]]));
   const [preset] = field("Material", select([["", "of the mesh"]]));
   const [color] = field("Colour", element("input", { type: "color" }));
@@ -126,11 +166,7 @@ function propertiesOf(page, act) {
     if (object) action(object);
   };
   form.append(element("div", { className: "buttons" },
-    button("Put down", "Put it on the surface seen there (G)", withSelected((object) => {
-      const base = project(page.openScene().camera, object.position_m);
-      if (base) act(putDown(object, base));
-      else showMessage("the object is behind the camera", true);
-    })),
+    button("Put down", "Let it fall onto the surface below (G)", withSelected(({ id }) => act({ do: "put-down", object: id }))),
     button("Duplicate", "Ctrl+D", withSelected(({ id }) => act({ do: "duplicate", object: id }))),
     button("Delete", "Delete", withSelected(({ id }) => act({ do: "delete", object: id })))));
 
@@ -148,14 +184,20 @@ function propertiesOf(page, act) {
     return value === null ? null : action(object, value);
   });
   on(name, "change", ({ id }) => (name.value.trim() ? { do: "rename", object: id, name: name.value.trim() } : null));
-  for (const control of position) {
+  for (const control of [right, ahead, above]) {
     on(control, "change", ({ id }) => {
-      const [x, y, z] = position.map(finite);
-      return x === null || y === null || z === null ? null : { do: "place", object: id, place: { position: [x, y, z] } };
+      const [toRight, toAhead, height] = [right, ahead, above].map((field) => (field.validity.valid ? finite(field) : null));
+      if (toRight === null || toAhead === null || height === null) return null;
+      const { up, extent } = page.openScene();
+      const level = levelAxes(up);
+      const flat = add(times(level.right, toRight), times(level.ahead, toAhead));
+      const position = aboveFloor(add(flat, times(up, extent.floor_m + height)), up, extent.floor_m);
+      return { do: "place", object: id, place: { position } };
     });
   }
+  realSize.onclick = withSelected(({ id, metres_per_unit }) => act({ do: "size", object: id, size: { scale: metres_per_unit } }));
   onNumber(turn, ({ id }, yaw_deg) => ({ do: "turn", object: id, yaw_deg }));
-  onNumber(size, ({ id }, height) => (height > 0 ? { do: "size", object: id, size: { height } } : null));
+  onNumber(size, ({ id }, height) => (height > 0 && height <= 20 ? { do: "size", object: id, size: { height } } : null));
   on(align, "change", ({ id }) => {
     const chosen = ALIGNS.find((each) => each === align.value);
     return chosen ? { do: "align", object: id, align: chosen } : null;
@@ -180,12 +222,19 @@ function propertiesOf(page, act) {
 
   return (/** @type {ObjectView | null} */ object) => {
     form.hidden = !object;
+    byId("properties-empty").hidden = object !== null;
     if (!object) return;
     if (preset.options.length === 1) {
       preset.append(...page.materials.map(({ name: known }) => element("option", { value: known, textContent: known })));
     }
     fill(name, object.name);
-    object.position_m.forEach((value, i) => fill(position[i], short(value)));
+    const { up, extent } = page.openScene();
+    const level = levelAxes(up);
+    fill(right, short(dot(object.position_m, level.right)));
+    fill(ahead, short(dot(object.position_m, level.ahead)));
+    fill(above, short(heightAboveFloor(object.position_m, up, extent.floor_m)));
+    realSize.hidden = !hasOtherRealSize(object);
+    realSize.title = `${short((object.size_m[1] * object.metres_per_unit) / object.scale)} m: one unit of the mesh is ${short(object.metres_per_unit)} m`;
     fill(turn, short(object.yaw_deg));
     fill(size, short(object.size_m[1]));
     fill(align, object.align);
@@ -200,4 +249,30 @@ function propertiesOf(page, act) {
     for (const control of [metallic, metallicNumber]) fill(control, short(shown.metallic));
     for (const control of [gloss, glossNumber]) fill(control, short(page.openView().floor_gloss));
   };
+}
+
+/**
+ * Returns whether an object has another size than its file gives it.
+ *
+ * @param {Pick<ObjectView, "scale" | "metres_per_unit" | "mesh">} object
+ */
+function hasOtherRealSize({ scale, metres_per_unit, mesh }) {
+  return mesh !== "builtin:suzanne" && Math.abs(scale / metres_per_unit - 1) > 1e-3;
+}
+
+/**
+ * Describes the first size of a dropped mesh and its unit; "" for what is as its file says.
+ *
+ * @param {ObjectView} object
+ */
+export function sizeNote(object) {
+  const { mesh, size_m, scale, metres_per_unit, unit, unit_is_stated } = object;
+  if (mesh.startsWith("builtin:")) return "";
+  const height = (/** @type {number} */ metres) => `${short(Math.round(1000 * metres) / 1000)} m high`;
+  if (hasOtherRealSize(object)) {
+    const real = height((size_m[1] * metres_per_unit) / scale);
+    const why = unit_is_stated ? `it is ${real} by its file` : `its file states no unit; in ${unit} it would be ${real}`;
+    return `${mesh} is ${height(size_m[1])} at first: ${why}. “Real size” in its fields restores that.`;
+  }
+  return unit_is_stated ? "" : `${mesh} is ${height(size_m[1])}: its file states no unit, ${unit} are assumed. Change its height if that is wrong.`;
 }

@@ -46,7 +46,7 @@ export type Command = { "do": "add",
  */
 mesh: string,
 /**
- * Photo position; `None` chooses a free surface.
+ * Photo position; `None` chooses a free supporting surface.
  */
 pixel?: [number, number] | null,
 /**
@@ -84,7 +84,11 @@ object: number,
 /**
  * Photo position, pixels.
  */
-to: [number, number], } | { "do": "size",
+to: [number, number], } | { "do": "put-down",
+/**
+ * Id of the object.
+ */
+object: number, } | { "do": "size",
 /**
  * Id of the object.
  */
@@ -116,7 +120,23 @@ object: number,
 /**
  * The material; `None` restores the mesh's own.
  */
-material: ObjectMaterial | null, } | { "do": "set-key",
+material: ObjectMaterial | null, } | { "do": "show",
+/**
+ * Id of the object.
+ */
+object: number,
+/**
+ * Whether images show it.
+ */
+is_shown: boolean, } | { "do": "lock",
+/**
+ * Id of the object.
+ */
+object: number,
+/**
+ * Whether it is protected.
+ */
+is_locked: boolean, } | { "do": "set-key",
 /**
  * Id of the object.
  */
@@ -253,7 +273,15 @@ sequence: number,
 /**
  * The view.
  */
-view: OutsideView, } | { "type": "stop" } | { "type": "close" };
+view: OutsideView, } | { "type": "stop" } | { "type": "saved",
+/**
+ * Number of the change, from the download's header `x-change`.
+ */
+change: number,
+/**
+ * Name of the file.
+ */
+file: string, };
 
 /**
  * Choice of light for unobserved regions.
@@ -540,6 +568,14 @@ align: Align,
  */
 material: ObjectMaterial | null,
 /**
+ * Whether images leave it out.
+ */
+is_hidden: boolean,
+/**
+ * Whether it is protected from being moved by accident.
+ */
+is_locked: boolean,
+/**
  * Middle of the base, metres.
  */
 position_m: [number, number, number],
@@ -558,7 +594,19 @@ scale: number,
 /**
  * Whether a surface supports it.
  */
-rests: boolean, };
+rests: boolean,
+/**
+ * Unit of the mesh's coordinates, in the plural.
+ */
+unit: string,
+/**
+ * Metres per unit of the mesh by that unit.
+ */
+metres_per_unit: number,
+/**
+ * Whether the mesh's format defines the unit; otherwise it is guessed.
+ */
+unit_is_stated: boolean, };
 
 /**
  * A view of the room from any viewpoint.
@@ -647,6 +695,35 @@ metallic: number,
 roughness: number, };
 
 /**
+ * Description of a room.
+ */
+export type RecentRoom = {
+/**
+ * Unique name, 16 hexadecimal digits.
+ */
+id: string,
+/**
+ * Path of the scene file on the command line.
+ */
+file: string,
+/**
+ * Whether that file exists.
+ */
+has_file: boolean,
+/**
+ * Whether the room has changes that this file has not.
+ */
+unsaved: boolean,
+/**
+ * Number of objects.
+ */
+objects: number,
+/**
+ * Time of the last change, seconds since 1970.
+ */
+changed_s: number, };
+
+/**
  * Progressive rendering steps of one state, in increasing quality.
  */
 export type RenderStep = "moving" | "resting" | "final";
@@ -669,6 +746,19 @@ radius_m: number,
 floor_m: number, };
 
 /**
+ * A sample as listed on the page.
+ */
+export type SampleView = {
+/**
+ * Title.
+ */
+title: string,
+/**
+ * Name of the photo.
+ */
+file: string, };
+
+/**
  * An open scene.
  */
 export type SceneInfo = {
@@ -676,14 +766,6 @@ export type SceneInfo = {
  * Unique number of the opened scene.
  */
 scene: number,
-/**
- * Path of the scene file on the command line.
- */
-file: string,
-/**
- * Whether that file exists; otherwise the scene must be saved first.
- */
-is_saved: boolean,
 /**
  * Camera, in pixels of the photo.
  */
@@ -742,9 +824,21 @@ can_redo: boolean,
  */
 command: string | null,
 /**
+ * Path of the scene file on the command line.
+ */
+file: string,
+/**
+ * Whether that file exists; otherwise the scene must be saved before `command` works.
+ */
+has_file: boolean,
+/**
  * Whether the scene must be saved before `command` works, because its light edits differ from the file's.
  */
 edited: boolean,
+/**
+ * Whether objects, lights or keyframes differ from the last opened or saved file.
+ */
+unsaved: boolean,
 /**
  * Names of the available meshes.
  */
@@ -790,15 +884,23 @@ version: string,
 /**
  * Material presets.
  */
-materials: Array<Preset>, } | { "type": "empty",
-/**
- * Why the last scene could not be opened.
- */
-error: string | null,
+materials: Array<Preset>,
 /**
  * Whether this program can estimate photos.
  */
-can_estimate: boolean, } | { "type": "opening",
+can_estimate: boolean,
+/**
+ * Whether open rooms are saved automatically.
+ */
+autosaves: boolean,
+/**
+ * Photos to try the program with.
+ */
+samples: Array<SampleView>, } | { "type": "empty",
+/**
+ * Why the last scene could not be opened.
+ */
+error: string | null, } | { "type": "opening",
 /**
  * Name of the file.
  */
@@ -810,7 +912,7 @@ stage: string,
 /**
  * Progress of the stage, 0 to 1, if known.
  */
-done: number | null, } | { "type": "scene" } & SceneInfo | { "type": "state",
+done: number | null, } | { "type": "opening-ended" } | { "type": "scene" } & SceneInfo | { "type": "state",
 /**
  * Number of the change; images refer to it.
  */
@@ -930,7 +1032,11 @@ left_s: number | null,
 /**
  * Why the download ended early.
  */
-ended: string | null, } | { "type": "refused",
+ended: string | null, } | { "type": "recent",
+/**
+ * The rooms.
+ */
+rooms: Array<RecentRoom>, } | { "type": "refused",
 /**
  * The reason.
  */

@@ -1,8 +1,12 @@
 // State shared by the parts of the page, and the actions that they provide to one another.
 
 /** @import { Pixel } from "./camera.js" */
+/** @import { Role } from "./file_roles.js" */
 /** @import { Gesture } from "./gestures.js" */
-/** @import { Command, FromPage, ObjectView, Preset, SceneInfo, SessionView, ToPage } from "./protocol.d.ts" */
+/** @import { Gizmo, Rect } from "./handles.js" */
+/** @import { Command, FromPage, ObjectMaterial, ObjectView, Preset, SceneInfo, SessionView, ToPage } from "./protocol.d.ts" */
+
+/** @typedef {{ mesh: string, material?: ObjectMaterial }} NewObject */
 
 /**
  * @typedef {object} Page
@@ -17,13 +21,14 @@
  * @property {((pixel: Pixel | null) => void) | null} picking Receives the next clicked pixel, or null if picking is
  *   cancelled; null unless a pixel is being picked.
  * @property {number} exposure Exposure of the display, stops.
+ * @property {NewObject | null} dragged Object that is dragged from the panel into the photo.
+ * @property {boolean} autosaves Whether the program saves open rooms automatically.
  *
  * Derived state:
  * @property {() => SceneInfo} openScene Returns the open scene; an error if none is open.
  * @property {() => SessionView} openView Returns the session; an error if there is none.
  * @property {() => ObjectView | null} selected Returns the selected object.
  * @property {() => boolean} isOpen Returns whether a scene is open.
- * @property {() => boolean} mayLeave Asks for confirmation if closing the scene would discard objects.
  *
  * Actions, from `main.js`:
  * @property {(message: FromPage) => void} send Sends a message to the program.
@@ -32,6 +37,8 @@
  * @property {(id: number | null) => void} select Selects an object.
  * @property {(event: MouseEvent) => Pixel} photoPosition Returns the photo position of a pointer event.
  * @property {() => number} reach Returns the radius in which a handle is hit, photo pixels.
+ * @property {() => Rect} visible Returns the part of the photo on the stage.
+ * @property {() => Gizmo | null} gizmo Returns the handles of the selected object; null if it is locked or hidden.
  * @property {(pixel: Pixel) => void} hover Moves the probe to a photo position.
  * @property {() => void} redraw Redraws handles and overlay lines in the next display frame.
  * @property {Record<string, () => void>} keys Actions by key.
@@ -39,6 +46,11 @@
  * Actions, from other parts:
  * @property {() => Gesture | null} gesture Returns the current gesture on the photo (`gestures.js`).
  * @property {() => void} pickFile Opens the file picker for meshes (`uploads.js`).
+ * @property {(files: File[], roles: Role[]) => void} chooseRoles Asks what files are (`start.js`).
+ * @property {() => Promise<boolean>} mayLeave Asks to save unsaved changes. Returns whether the room may be left
+ *   (`saving.js`).
+ * @property {(event: PointerEvent) => void} startPan Starts to move the zoomed photo (`photo_stage.js`).
+ * @property {(direction: number) => void} zoom Zooms the photo in (1), out (−1) or to the whole of it (0).
  */
 
 /** @type {Page} */
@@ -51,6 +63,8 @@ export const page = {
   hovered: null,
   picking: null,
   exposure: 0,
+  dragged: null,
+  autosaves: false,
 
   openScene() {
     if (!page.scene) throw new Error("no scene is open");
@@ -62,7 +76,6 @@ export const page = {
   },
   selected: () => page.view?.objects.find((object) => object.id === page.selectedId) ?? null,
   isOpen: () => page.scene !== null,
-  mayLeave: () => !page.view?.objects.length || confirm("The objects in this photo will be lost. Open another one?"),
 
   send() {},
   preview() {},
@@ -70,12 +83,18 @@ export const page = {
   select() {},
   photoPosition: () => [0, 0],
   reach: () => 0,
+  visible: () => ({ left: 0, top: 0, right: 0, bottom: 0 }),
+  gizmo: () => null,
   hover() {},
   redraw() {},
   keys: {},
 
   gesture: () => null,
   pickFile() {},
+  chooseRoles() {},
+  mayLeave: async () => true,
+  startPan() {},
+  zoom() {},
 };
 // A field that is missing above is an error.
 Object.seal(page);

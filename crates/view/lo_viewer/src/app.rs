@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
-use crate::MakeEstimator;
 use crate::origin::PublicOrigin;
 use crate::session_actor::SessionHandle;
+use crate::{MakeEstimator, Sample};
 
 /// State shared by the request handlers.
 #[derive(Clone)]
@@ -11,4 +11,5 @@ pub(crate) struct App {
     pub token: Arc<str>,
     pub public_origin: Option<Arc<PublicOrigin>>,
     pub estimator: Option<MakeEstimator>,
+    pub samples: Arc<[Sample]>,
 }

@@ -12,8 +12,12 @@ use lo_session::{Probe, SessionError, outputs, probe_position};
 use crate::app::App;
 use crate::failure::guarded;
 use crate::protocol::PROBE_LIFTS_M;
+use crate::query::query_number;
 use crate::sequence::{self, SequenceFormat};
-use crate::worker::Worker;
+use crate::worker::{Change, Worker};
+
+/// Header with the number of the change that a file has.
+const CHANGE: &str = "x-change";
 
 /// Height of the HDR panorama, pixels.
 const PANORAMA_HEIGHT: usize = 512;
@@ -26,13 +30,14 @@ pub(crate) async fn download(State(app): State<App>, Path((_, file)): Path<(Stri
     if let Some(format) = SequenceFormat::from_name(&file) {
         return sequence::download(&worker, format, &file);
     }
-    let query = uri.query().unwrap_or_default().to_owned();
     let name = file.clone();
-    match tokio::task::spawn_blocking(move || make_file(&worker, &file, &query)).await {
+    let change = worker.change();
+    let number = change.number;
+    match tokio::task::spawn_blocking(move || make_file(&worker, &change, &file, &uri)).await {
         Ok(Ok(Some((media_type, bytes)))) => {
             let disposition = format!("attachment; filename=\"{name}\"");
-            ([(header::CONTENT_TYPE, media_type.to_owned()), (header::CONTENT_DISPOSITION, disposition)], bytes)
-                .into_response()
+            let headers = [(header::CONTENT_TYPE, media_type.to_owned()), (header::CONTENT_DISPOSITION, disposition)];
+            (headers, [(CHANGE, number.to_string())], bytes).into_response()
         }
         Ok(Ok(None)) => (StatusCode::NOT_FOUND, "no such file").into_response(),
         Ok(Err(why)) => (StatusCode::CONFLICT, why).into_response(),
@@ -41,33 +46,40 @@ pub(crate) async fn download(State(app): State<App>, Path((_, file)): Path<(Stri
 }
 
 /// Makes a file and returns its media type and content; `None` for unknown names.
-fn make_file(worker: &Arc<Worker>, file: &str, query: &str) -> Result<Option<(&'static str, Vec<u8>)>, String> {
-    let (scenes, state) = (&worker.scenes, worker.state());
+fn make_file(
+    worker: &Arc<Worker>,
+    change: &Change,
+    file: &str,
+    uri: &Uri,
+) -> Result<Option<(&'static str, Vec<u8>)>, String> {
+    let (scenes, state) = (&worker.scenes, &change.state);
     let scene = scenes.scene();
     let checked = |result: Result<Vec<u8>, SessionError>| guarded(|| result).map_err(|failure| failure.to_string());
     let bytes = match file {
         "picture.png" => checked(outputs::image(&*worker.final_composite()?))?,
+        "photo.jpg" => checked(outputs::photo(scene))?,
         "layers.exr" => checked(outputs::layers(&*worker.final_composite()?))?,
-        "room.scene" => checked(outputs::scene(scene, &state))?,
-        "objects.json" => checked(outputs::layout(&state))?,
+        "room.scene" => checked(outputs::scene(scene, &change.document))?,
+        "objects.json" => checked(outputs::layout(state))?,
         "light.exr" => {
-            let at = probe_at(worker, query)?.ok_or("no probe position: point at the photo first")?;
-            checked(Probe::exr(scenes, &state, at, PANORAMA_HEIGHT))?
+            let at = probe_at(worker, uri)?.ok_or("no probe position: point at the photo first")?;
+            checked(Probe::exr(scenes, state, at, PANORAMA_HEIGHT))?
         }
         "room.glb" => {
             let files =
-                outputs::export(scenes, &state, Format::Glb, probe_at(worker, query)?).map_err(|e| e.to_string())?;
+                outputs::export(scenes, state, Format::Glb, probe_at(worker, uri)?).map_err(|e| e.to_string())?;
             files.into_iter().next().map(|(_, bytes)| bytes).unwrap_or_default()
         }
         "room_usd.tar" => {
             let files =
-                outputs::export(scenes, &state, Format::Usda, probe_at(worker, query)?).map_err(|e| e.to_string())?;
+                outputs::export(scenes, state, Format::Usda, probe_at(worker, uri)?).map_err(|e| e.to_string())?;
             archive(&files).map_err(|error| error.to_string())?
         }
         _ => return Ok(None),
     };
     let media_type = match file.rsplit('.').next() {
         Some("png") => "image/png",
+        Some("jpg") => "image/jpeg",
         Some("json") => "application/json",
         Some("glb") => "model/gltf-binary",
         Some("exr") => "image/x-exr",
@@ -78,11 +90,8 @@ fn make_file(worker: &Arc<Worker>, file: &str, query: &str) -> Result<Option<(&'
 }
 
 /// Returns the probe's position if the query has one: `u=…&v=…&lift=…`.
-fn probe_at(worker: &Arc<Worker>, query: &str) -> Result<Option<Vec3>, String> {
-    let number = |name: &str| {
-        let value = query.split('&').find_map(|pair| pair.strip_prefix(name)?.strip_prefix('='))?;
-        value.parse::<f64>().ok().filter(|value| value.is_finite())
-    };
+fn probe_at(worker: &Arc<Worker>, uri: &Uri) -> Result<Option<Vec3>, String> {
+    let number = |name: &str| query_number(uri, name);
     let (Some(u), Some(v), Some(lift)) = (number("u"), number("v"), number("lift")) else { return Ok(None) };
     if !PROBE_LIFTS_M.contains(&(lift as f32)) {
         return Err("the probe's distance from the surface must be from 0 to 10 m".to_owned());

@@ -2,12 +2,13 @@
 //!
 //! [`run`] serves the page and a WebSocket to this machine only, unless [`Options::bind`] says otherwise. Everyone who
 //! knows the address with its random token has full access; all other requests are refused, including those of other
-//! sites' pages and under other host names. No file of the disk is served: the page is embedded in the program, and
-//! downloads are made in memory.
+//! sites' pages and under other host names. No file of the disk is served except recent rooms, which are also the only
+//! files written: the page is embedded in the program, and downloads are made in memory.
 //!
 //! [`protocol`] defines the messages between page and server.
 
 mod app;
+mod autosave;
 mod body;
 mod connections;
 mod download;
@@ -22,6 +23,9 @@ mod page;
 mod page_queue;
 mod page_socket;
 pub mod protocol;
+mod query;
+mod recent;
+mod reopen;
 mod sequence;
 mod sequence_download;
 mod server;
@@ -33,11 +37,13 @@ mod warning_text;
 mod worker;
 
 use std::net::{IpAddr, Ipv4Addr};
+use std::path::PathBuf;
 
 #[cfg(feature = "depth-models")]
 pub use opening::ReadDepthModel;
 pub use opening::{MakeEstimator, NamedFile, PhotoSource, SceneSource};
 pub use origin::PublicOrigin;
+pub use reopen::Sample;
 pub use server::run;
 pub use warning_text::WarningText;
 
@@ -57,6 +63,10 @@ pub struct Options {
     pub estimator: Option<MakeEstimator>,
     /// Opened at the start.
     pub source: Option<SceneSource>,
+    /// Photos to try the program with.
+    pub samples: Vec<Sample>,
+    /// Folder in which open rooms are saved automatically; `None` saves nothing.
+    pub recent: Option<PathBuf>,
 }
 
 impl Options {

@@ -14,9 +14,6 @@ use lo_session::OpenScene;
 
 use crate::warning_text::WarningText;
 
-/// File name of a scene that is not saved yet.
-const NEW_SCENE: &str = "room.scene";
-
 /// Creates the estimator, called when a photo is opened.
 pub type MakeEstimator = Arc<dyn Fn() -> Result<Estimator, String> + Send + Sync>;
 
@@ -67,7 +64,6 @@ pub struct NamedFile {
 /// An opened scene with the warnings of its estimation.
 pub(crate) struct Opened {
     pub scene: OpenScene,
-    pub is_saved: bool,
     pub notes: Vec<String>,
 }
 
@@ -94,13 +90,21 @@ impl SceneSource {
                     }
                     on_event(event)
                 };
-                (estimate(source, collect_warnings)?.into(), NEW_SCENE.to_owned(), false)
+                let file = scene_name(&source.photo.name);
+                (estimate(source, collect_warnings)?.into(), file, false)
             }
         };
         let scene = OpenScene::new(file, document);
+        let scene = if is_saved { scene } else { scene.unsaved() };
         notes.extend(scene.fitted.default_light().report().fit.warning().map(|warning| warning_text(&warning, &[])));
-        Ok(Opened { scene, is_saved, notes })
+        Ok(Opened { scene, notes })
     }
+}
+
+/// Returns the file name of a photo's scene that is not saved yet.
+fn scene_name(photo: &str) -> String {
+    let stem = photo.rsplit_once('.').map_or(photo, |(stem, _)| stem);
+    format!("{}.scene", if stem.is_empty() { "room" } else { stem })
 }
 
 fn estimate(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, String> {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::Notify;
 
-use crate::protocol::{Encoded, ToPage, encoded};
+use crate::protocol::{Encoded, OPENING_SLOT, RECENT_SLOT, ToPage, encoded};
 
 /// Maximum number of pending messages that newer ones do not replace.
 const MAX_QUEUED: usize = 16;
@@ -102,10 +102,20 @@ impl Pages {
         let mut open = self.lock();
         match (message, slot) {
             // Another scene, or none: messages of the previous one are obsolete.
-            (ToPage::Empty { .. } | ToPage::Opening { .. } | ToPage::Scene(_), Some(slot)) => {
-                open.replayed = BTreeMap::from([(slot, encoded.clone())]);
+            (ToPage::Empty { .. } | ToPage::Scene(_), Some(slot)) => {
+                open.replayed.retain(|&other, _| matches!(other, RECENT_SLOT | OPENING_SLOT));
+                open.replayed.insert(slot, encoded.clone());
             }
-            (ToPage::State { .. } | ToPage::Notes { .. } | ToPage::Photo { .. } | ToPage::Frame { .. }, Some(slot)) => {
+            (ToPage::OpeningEnded, Some(slot)) => drop(open.replayed.remove(&slot)),
+            (
+                ToPage::Recent { .. }
+                | ToPage::Opening { .. }
+                | ToPage::State { .. }
+                | ToPage::Notes { .. }
+                | ToPage::Photo { .. }
+                | ToPage::Frame { .. },
+                Some(slot),
+            ) => {
                 open.replayed.insert(slot, encoded.clone());
             }
             _ => {}
@@ -127,7 +137,8 @@ mod tests {
     #[test]
     fn a_page_that_does_not_read_holds_the_newest_alone() {
         let pages = Pages::default();
-        let hello = ToPage::Hello { version: "", materials: Vec::new() };
+        let (materials, samples) = (Vec::new(), Vec::new());
+        let hello = ToPage::Hello { version: "", materials, can_estimate: true, autosaves: false, samples };
         let join = |limit| pages.join(&hello, limit).unwrap();
         let outbox = join(1);
         assert!(pages.join(&hello, 1).is_none());
@@ -162,9 +173,18 @@ mod tests {
         assert!(late.take().is_some_and(|message| text(&message).contains("hello")));
         assert!(late.take().is_some_and(|message| text(&message).contains("\"change\":999")));
         assert!(late.take().is_none());
-        pages.send(&ToPage::Empty { error: None, can_estimate: true }, &[]);
+        pages.send(&ToPage::Empty { error: None }, &[]);
         let latest = join(3);
         assert_eq!(std::iter::from_fn(|| latest.take()).count(), 2);
+        // While another scene is being opened, a page receives this, too; not any more after the end.
+        pages.send(&ToPage::Opening { file: "a".into(), stage: String::new(), done: None }, &[]);
+        let during = join(4);
+        assert_eq!(std::iter::from_fn(|| during.take()).count(), 3);
+        pages.send(&ToPage::OpeningEnded, &[]);
+        pages.leave(&during);
+        let after = join(4);
+        assert_eq!(std::iter::from_fn(|| after.take()).count(), 2);
+        pages.leave(&after);
         [outbox, late, latest].iter().for_each(|outbox| pages.leave(outbox));
         assert!(pages.lock().outboxes.is_empty());
     }

@@ -7,12 +7,13 @@ use axum::response::{IntoResponse, Response};
 const INDEX: &str = include_str!("../page/index.html");
 
 /// Name, media type and content of the page's files.
-const FILES: [(&str, &str, &str); 22] = [
+const FILES: [(&str, &str, &str); 28] = [
     ("icon.svg", "image/svg+xml", include_str!("../page/icon.svg")),
     ("style.css", "text/css; charset=utf-8", include_str!("../page/style.css")),
     ("main.js", SCRIPT, include_str!("../page/main.js")),
     ("camera.js", SCRIPT, include_str!("../page/camera.js")),
     ("dom.js", SCRIPT, include_str!("../page/dom.js")),
+    ("file_roles.js", SCRIPT, include_str!("../page/file_roles.js")),
     ("gestures.js", SCRIPT, include_str!("../page/gestures.js")),
     ("handles.js", SCRIPT, include_str!("../page/handles.js")),
     ("image_view.js", SCRIPT, include_str!("../page/image_view.js")),
@@ -24,9 +25,14 @@ const FILES: [(&str, &str, &str); 22] = [
     ("outside_images.js", SCRIPT, include_str!("../page/outside_images.js")),
     ("outside_input.js", SCRIPT, include_str!("../page/outside_input.js")),
     ("outside_lines.js", SCRIPT, include_str!("../page/outside_lines.js")),
+    ("panels.js", SCRIPT, include_str!("../page/panels.js")),
+    ("photo_stage.js", SCRIPT, include_str!("../page/photo_stage.js")),
+    ("photo_view.js", SCRIPT, include_str!("../page/photo_view.js")),
     ("probe.js", SCRIPT, include_str!("../page/probe.js")),
+    ("saving.js", SCRIPT, include_str!("../page/saving.js")),
     ("server.js", SCRIPT, include_str!("../page/server.js")),
     ("slider.js", SCRIPT, include_str!("../page/slider.js")),
+    ("start.js", SCRIPT, include_str!("../page/start.js")),
     ("store.js", SCRIPT, include_str!("../page/store.js")),
     ("timeline.js", SCRIPT, include_str!("../page/timeline.js")),
     ("uploads.js", SCRIPT, include_str!("../page/uploads.js")),

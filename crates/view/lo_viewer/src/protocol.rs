@@ -10,6 +10,9 @@ use lo_geometry::Camera;
 use lo_session::{Command, OutsideView, Overlay, RenderStep, RoomExtent, SessionView};
 use serde::{Deserialize, Serialize};
 
+pub use crate::recent::RecentRoom;
+pub use crate::reopen::SampleView;
+
 /// JPEG quality of drafts.
 pub(crate) const DRAFT_JPEG_QUALITY: u8 = 88;
 
@@ -22,8 +25,10 @@ pub const EXPOSURES_EV: RangeInclusive<f32> = -20.0..=20.0;
 /// Accepted distances of a probe from its surface, metres.
 pub const PROBE_LIFTS_M: RangeInclusive<f32> = 0.0..=10.0;
 
-/// Slot of [`ToPage::Overlay`] in the outbox.
-pub(crate) const OVERLAY_SLOT: u8 = 8;
+/// Slots of messages in the outbox.
+pub(crate) const RECENT_SLOT: u8 = 1;
+pub(crate) const OPENING_SLOT: u8 = 2;
+pub(crate) const OVERLAY_SLOT: u8 = 10;
 
 /// A message from the page.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,8 +88,13 @@ pub enum FromPage {
     },
     /// Cancels opening a scene.
     Stop,
-    /// Closes the scene.
-    Close,
+    /// Declares that the browser has written the scene of a change to a file.
+    Saved {
+        /// Number of the change, from the download's header `x-change`.
+        change: u64,
+        /// Name of the file.
+        file: String,
+    },
 }
 
 /// A message from the server.
@@ -98,15 +108,19 @@ pub enum ToPage {
         version: &'static str,
         /// Material presets.
         materials: Vec<Preset>,
+        /// Whether this program can estimate photos.
+        can_estimate: bool,
+        /// Whether open rooms are saved automatically.
+        autosaves: bool,
+        /// Photos to try the program with.
+        samples: Vec<SampleView>,
     },
     /// No scene is open.
     Empty {
         /// Why the last scene could not be opened.
         error: Option<String>,
-        /// Whether this program can estimate photos.
-        can_estimate: bool,
     },
-    /// A scene is being opened.
+    /// A scene is being opened. The one that is open stays until then.
     Opening {
         /// Name of the file.
         file: String,
@@ -115,6 +129,8 @@ pub enum ToPage {
         /// Progress of the stage, 0 to 1, if known.
         done: Option<f64>,
     },
+    /// No scene is being opened any more: it follows, or could not be opened.
+    OpeningEnded,
     /// A scene is open.
     Scene(SceneInfo),
     /// The session changed.
@@ -207,6 +223,11 @@ pub enum ToPage {
         /// Why the download ended early.
         ended: Option<String>,
     },
+    /// Recently opened rooms, those changed last first.
+    Recent {
+        /// The rooms.
+        rooms: Vec<RecentRoom>,
+    },
     /// A message was refused, or an image could not be rendered.
     Refused {
         /// The reason.
@@ -220,10 +241,6 @@ pub enum ToPage {
 pub struct SceneInfo {
     /// Unique number of the opened scene.
     pub scene: u64,
-    /// Path of the scene file on the command line.
-    pub file: String,
-    /// Whether that file exists; otherwise the scene must be saved first.
-    pub is_saved: bool,
     /// Camera, in pixels of the photo.
     pub camera: Camera,
     /// Unit vector against gravity, in the camera's frame.
@@ -268,17 +285,19 @@ impl ToPage {
     pub(crate) fn slot(&self) -> Option<u8> {
         Some(match self {
             Self::Hello { .. } => 0,
+            Self::Recent { .. } => RECENT_SLOT,
+            Self::Opening { .. } | Self::OpeningEnded => OPENING_SLOT,
             // Mutually exclusive.
-            Self::Empty { .. } | Self::Opening { .. } | Self::Scene(_) => 1,
-            Self::State { .. } => 2,
-            Self::Notes { .. } => 3,
-            Self::Progress { .. } => 4,
-            Self::Photo { .. } => 5,
-            Self::Frame { .. } => 6,
-            Self::Probe { .. } | Self::NoProbe => 7,
+            Self::Empty { .. } | Self::Scene(_) => 3,
+            Self::State { .. } => 4,
+            Self::Notes { .. } => 5,
+            Self::Progress { .. } => 6,
+            Self::Photo { .. } => 7,
+            Self::Frame { .. } => 8,
+            Self::Probe { .. } | Self::NoProbe => 9,
             Self::Overlay { .. } => OVERLAY_SLOT,
-            Self::Outside { .. } => 9,
-            Self::SequenceProgress { .. } => 10,
+            Self::Outside { .. } => 11,
+            Self::SequenceProgress { .. } => 12,
             Self::Refused { .. } => return None,
         })
     }

@@ -15,8 +15,9 @@ use tokio::net::TcpListener;
 use crate::app::App;
 use crate::guard::guard;
 use crate::protocol::MAX_MESSAGE;
+use crate::recent::RecentRooms;
 use crate::session_actor::SessionHandle;
-use crate::{Options, ViewError, connections, download, page, page_socket, upload};
+use crate::{Options, Sample, ViewError, connections, download, page, page_socket, reopen, upload};
 
 /// Interval at which `is_over` is polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -32,12 +33,15 @@ pub fn run(
 ) -> Result<(), ViewError> {
     let token = match &options.token {
         Some(token) => token.clone(),
-        None => random_token()?,
+        None => random_hex::<16>()?,
     };
-    let session = SessionHandle::start(options.warning_text, options.estimator.is_some())?;
+    let samples: Arc<[Sample]> = if options.estimator.is_some() { options.samples.into() } else { Arc::default() };
+    let recent = options.recent.map(RecentRooms::new);
+    let session = SessionHandle::start(options.warning_text, options.estimator.is_some(), samples.clone(), recent)?;
     if let Some(source) = options.source {
-        session.open(source, None);
+        session.open(source, None, None);
     }
+    let ending = session.clone();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     let served = runtime.block_on(async move {
         let failed = |source| ViewError::Bind { address: format!("{}:{}", options.bind, options.port), source };
@@ -48,7 +52,7 @@ pub fn run(
             Some(origin) => format!("{origin}/{token}/"),
             None => format!("http://{}/{token}/", reachable(address)),
         });
-        let app = App { session, token: token.into(), public_origin, estimator: options.estimator };
+        let app = App { session, token: token.into(), public_origin, estimator: options.estimator, samples };
         let ended = async {
             while !is_over() {
                 tokio::time::sleep(POLL_INTERVAL).await;
@@ -59,6 +63,7 @@ pub fn run(
             () = ended => Ok(()),
         }
     });
+    ending.flush();
     // Jobs that still run must not delay the end of the program.
     runtime.shutdown_background();
     served
@@ -71,6 +76,11 @@ fn router(app: App) -> Router {
         .route("/{token}/socket", any(socket))
         .route("/{token}/upload/{kind}", post(upload::upload))
         .route("/{token}/download/{file}", get(download::download))
+        .route("/{token}/sample/{index}", get(reopen::sample_photo).post(reopen::open_sample))
+        .route(
+            "/{token}/recent/{id}",
+            get(reopen::recent_preview).post(reopen::open_recent).delete(reopen::forget_recent),
+        )
         .fallback(|| async { (StatusCode::NOT_FOUND, "no such page") })
         .layer(from_fn_with_state(app.clone(), guard))
         .with_state(app)
@@ -101,15 +111,15 @@ fn network_ip(any: IpAddr, target: IpAddr) -> Option<IpAddr> {
     Some(socket.local_addr().ok()?.ip()).filter(|ip| !ip.is_unspecified() && !ip.is_loopback())
 }
 
-/// Generates 128 random bits in hexadecimal.
-fn random_token() -> Result<String, ViewError> {
-    let mut bytes = [0; 16];
-    getrandom::fill(&mut bytes).map_err(|error| ViewError::Start(std::io::Error::other(error.to_string())))?;
-    let mut token = String::new();
+/// Generates random bytes in hexadecimal.
+pub(crate) fn random_hex<const BYTES: usize>() -> std::io::Result<String> {
+    let mut bytes = [0; BYTES];
+    getrandom::fill(&mut bytes).map_err(|error| std::io::Error::other(error.to_string()))?;
+    let mut text = String::new();
     for byte in bytes {
-        let _ = write!(token, "{byte:02x}");
+        let _ = write!(text, "{byte:02x}");
     }
-    Ok(token)
+    Ok(text)
 }
 
 async fn socket(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {

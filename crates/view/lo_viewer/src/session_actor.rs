@@ -8,14 +8,18 @@ use std::time::{Duration, Instant};
 
 use lightoctree::{Event, OnEvent};
 use lo_mesh::{Material, Model};
-use lo_session::{Files, OpenScene, Session, SessionError};
+use lo_session::{Files, OpenScene, Session, SessionError, plain_name};
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
+use crate::Sample;
+use crate::autosave::{Autosave, SaveRequest};
 use crate::failure::{Failure, stage_of};
 use crate::opening::{Opened, SceneSource};
 use crate::outbox::{Outbox, Pages, send};
 use crate::outside::OutsideRequest;
 use crate::protocol::{EXPOSURES_EV, FromPage, PROBE_LIFTS_M, Preset, SceneInfo, ToPage};
+use crate::recent::{RecentRoom, RecentRooms, now_s};
+use crate::server::random_hex;
 use crate::uploads::{Reservation, Uploads};
 use crate::warning_text::WarningText;
 use crate::worker::{Change, ProbeRequest, Worker};
@@ -29,10 +33,10 @@ enum Message {
     Page(FromPage, Arc<Outbox>),
     /// An uploaded mesh to add to the photo.
     Mesh(Box<UploadedMesh>),
-    /// A request to open a scene, with the reservation of its upload.
-    Open(SceneSource, Option<Reservation>),
-    /// Number of the attempt to open a scene, and its result.
-    Opened(u64, Result<Box<Opened>, String>),
+    /// A request to open a scene, with the reservation of its upload and the recent room that it is.
+    Open(Box<(SceneSource, Option<Reservation>, Option<RecentRoom>)>),
+    /// Number of the attempt to open a scene, its result, and the recent room that it is.
+    Opened(u64, Result<Box<Opened>, String>, Option<RecentRoom>),
 }
 
 /// A mesh uploaded by a page.
@@ -43,6 +47,8 @@ pub(crate) struct UploadedMesh {
     /// Files that the mesh references, by name.
     pub parts: Files,
     pub model: Model,
+    /// Photo position at which it was dropped.
+    pub pixel: Option<[f64; 2]>,
     pub warnings: Vec<String>,
     pub reservation: Reservation,
 }
@@ -52,29 +58,36 @@ pub(crate) struct SessionHandle {
     messages: Sender<Message>,
     pub pages: Arc<Pages>,
     pub uploads: Arc<Uploads>,
+    pub recent: Option<RecentRooms>,
+    autosave: Option<Arc<Autosave>>,
+    can_estimate: bool,
+    samples: Arc<[Sample]>,
     /// Worker of the open scene.
     current: Mutex<Option<Arc<Worker>>>,
 }
 
 impl SessionHandle {
-    /// Starts the session thread.
+    /// Starts the session thread, and the one that saves open rooms to `recent`.
     ///
     /// # Errors
-    /// If the thread cannot be started.
-    pub fn start(warning_text: WarningText, can_estimate: bool) -> std::io::Result<Arc<Self>> {
+    /// If a thread cannot be started.
+    pub fn start(
+        warning_text: WarningText,
+        can_estimate: bool,
+        samples: Arc<[Sample]>,
+        recent: Option<RecentRooms>,
+    ) -> std::io::Result<Arc<Self>> {
         let (messages, receiver) = channel(QUEUE);
-        let handle =
-            Arc::new(Self { messages, pages: Arc::default(), uploads: Arc::default(), current: Mutex::default() });
-        let actor = SessionActor {
-            handle: handle.clone(),
-            warning_text,
-            can_estimate,
-            status: Status::Nothing { error: None },
-            attempt: 0,
-            change: 0,
-            sequence: 0,
-        };
-        handle.pages.send(&actor.status_message(), &[]);
+        let pages: Arc<Pages> = Arc::default();
+        let autosave = recent.clone().map(|rooms| Autosave::start(rooms, pages.clone())).transpose()?;
+        let (uploads, current) = (Arc::default(), Mutex::default());
+        let handle = Arc::new(Self { messages, pages, uploads, recent, autosave, can_estimate, samples, current });
+        let (open, opening) = (None, None);
+        let actor =
+            SessionActor { handle: handle.clone(), warning_text, open, opening, attempt: 0, change: 0, sequence: 0 };
+        handle.pages.send(&ToPage::Empty { error: None }, &[]);
+        let rooms = handle.recent.as_ref().map_or_else(Vec::new, RecentRooms::list);
+        handle.pages.send(&ToPage::Recent { rooms }, &[]);
         std::thread::Builder::new().name("session".into()).spawn(move || actor.serve(receiver))?;
         Ok(handle)
     }
@@ -86,7 +99,10 @@ impl SessionHandle {
             Some(Preset { name, base_color: [r, g, b], metallic, roughness })
         };
         let materials = Material::preset_names().filter_map(preset).collect();
-        self.pages.join(&ToPage::Hello { version: env!("CARGO_PKG_VERSION"), materials }, limit)
+        let samples = self.samples.iter().map(Sample::view).collect();
+        let (version, can_estimate) = (env!("CARGO_PKG_VERSION"), self.can_estimate);
+        let autosaves = self.autosave.is_some();
+        self.pages.join(&ToPage::Hello { version, materials, can_estimate, autosaves, samples }, limit)
     }
 
     /// Enqueues a page's message. If the queue is full, replaceable messages are dropped, and others wait.
@@ -101,9 +117,17 @@ impl SessionHandle {
         }
     }
 
-    /// Requests to open a scene. Must not be called by asynchronous code.
-    pub fn open(&self, source: SceneSource, reservation: Option<Reservation>) {
-        self.send(Message::Open(source, reservation));
+    /// Requests to open a scene, which is `room` of the recent rooms or a new one. Must not be called by asynchronous
+    /// code.
+    pub fn open(&self, source: SceneSource, reservation: Option<Reservation>, room: Option<RecentRoom>) {
+        self.send(Message::Open(Box::new((source, reservation, room))));
+    }
+
+    /// Saves changes that are not saved automatically yet.
+    pub fn flush(&self) {
+        if let Some(autosave) = &self.autosave {
+            autosave.flush();
+        }
     }
 
     /// Requests to add a mesh to the photo. Must not be called by asynchronous code.
@@ -133,8 +157,8 @@ impl SessionHandle {
 struct SessionActor {
     handle: Arc<SessionHandle>,
     warning_text: WarningText,
-    can_estimate: bool,
-    status: Status,
+    open: Option<OpenRoom>,
+    opening: Option<OpeningJob>,
     /// Number of the last attempt to open a scene.
     attempt: u64,
     /// Number of the last change.
@@ -143,11 +167,17 @@ struct SessionActor {
     sequence: u64,
 }
 
-/// State of the open scene.
-enum Status {
-    Nothing { error: Option<String> },
-    Opening { file: String, stop: Arc<AtomicBool> },
-    Scene { session: Box<Session>, worker: Arc<Worker>, info: Box<SceneInfo> },
+/// The open scene.
+struct OpenRoom {
+    session: Box<Session>,
+    worker: Arc<Worker>,
+    /// Id among the recent rooms.
+    id: String,
+}
+
+/// A scene that is being opened, while the open one stays.
+struct OpeningJob {
+    stop: Arc<AtomicBool>,
 }
 
 impl SessionActor {
@@ -182,42 +212,28 @@ impl SessionActor {
         match message {
             Message::Page(message, outbox) => self.handle_page(message, &outbox),
             Message::Mesh(mesh) => self.add_mesh(*mesh),
-            Message::Open(source, reservation) => self.open(source, reservation),
-            Message::Opened(attempt, opened) => {
-                let is_awaited = matches!(self.status, Status::Opening { .. }) && attempt == self.attempt;
-                if is_awaited {
-                    self.opened(opened);
+            Message::Open(request) => {
+                let (source, reservation, room) = *request;
+                self.open(source, reservation, room);
+            }
+            Message::Opened(attempt, opened, room) => {
+                if attempt == self.attempt
+                    && let Some(job) = self.opening.take()
+                {
+                    self.opened(opened, room, job.stop.load(Ordering::SeqCst));
                 }
             }
-        }
-    }
-
-    fn status_message(&self) -> ToPage {
-        match &self.status {
-            Status::Nothing { error } => ToPage::Empty { error: error.clone(), can_estimate: self.can_estimate },
-            Status::Opening { file, .. } => ToPage::Opening { file: file.clone(), stage: String::new(), done: None },
-            Status::Scene { info, .. } => ToPage::Scene((**info).clone()),
         }
     }
 
     fn handle_page(&mut self, message: FromPage, outbox: &Arc<Outbox>) {
-        match message {
-            FromPage::Stop => {
-                if let Status::Opening { stop, .. } = &self.status {
-                    stop.store(true, Ordering::SeqCst);
-                }
-                return;
+        if message == FromPage::Stop {
+            if let Some(job) = &self.opening {
+                job.stop.store(true, Ordering::SeqCst);
             }
-            FromPage::Close => {
-                self.handle.set_current(None);
-                self.handle.uploads.set_meshes(0);
-                self.status = Status::Nothing { error: None };
-                self.handle.pages.send(&self.status_message(), &[]);
-                return;
-            }
-            _ => {}
+            return;
         }
-        let Status::Scene { session, worker, .. } = &mut self.status else { return };
+        let Some(OpenRoom { session, worker, .. }) = &mut self.open else { return };
         let result = match message {
             FromPage::Command { command } => session.apply(&command),
             FromPage::Preview { command, sequence } => {
@@ -269,7 +285,16 @@ impl SessionActor {
                 worker.overlays.request(outbox, what);
                 return;
             }
-            FromPage::Stop | FromPage::Close => return,
+            FromPage::Saved { change, file } => {
+                // Changes made since then are in no file.
+                if change == self.change && !session.is_previewing() {
+                    session.mark_saved(plain_name(&file));
+                    self.send_state();
+                    self.autosave();
+                }
+                return;
+            }
+            FromPage::Stop => return,
         };
         match result {
             Ok(()) => self.changed(),
@@ -279,20 +304,50 @@ impl SessionActor {
 
     /// Sends the changed session to all pages and requests its image.
     fn changed(&mut self) {
-        let Status::Scene { session, worker, .. } = &self.status else { return };
+        let Some(OpenRoom { session, worker, .. }) = &self.open else { return };
         self.change += 1;
-        let (view, state) = (Box::new(session.view()), Arc::new(session.state().clone()));
         // Before the pages know of the change: a download that follows must include it.
-        worker.set_change(Change { number: self.change, sequence: self.sequence, state });
+        worker.set_change(change_of(session, self.change, self.sequence));
+        self.send_state();
+        self.autosave();
+    }
+
+    /// Sends the session to all pages.
+    fn send_state(&self) {
+        let Some(OpenRoom { session, .. }) = &self.open else { return };
+        let view = Box::new(session.view());
         self.handle.pages.send(&ToPage::State { change: self.change, view }, &[]);
     }
 
+    /// Requests to save the room automatically, unless a gesture is in progress.
+    fn autosave(&self) {
+        let (Some(OpenRoom { session, worker, id }), Some(autosave)) = (&self.open, &self.handle.autosave) else {
+            return;
+        };
+        if session.is_previewing() {
+            return;
+        }
+        let worker = worker.clone();
+        let document = worker.change().document;
+        let room = RecentRoom {
+            id: id.clone(),
+            file: session.file().to_owned(),
+            has_file: session.has_file(),
+            unsaved: session.is_unsaved(),
+            objects: document.objects.len(),
+            changed_s: now_s(),
+        };
+        let scene = session.scene().clone();
+        let image = Box::new(move || worker.last_image().map(|composite| composite.image.clone()));
+        autosave.request(SaveRequest { room, scene, state: document, image });
+    }
+
     fn add_mesh(&mut self, mesh: UploadedMesh) {
-        let UploadedMesh { file, content, parts, model, warnings, reservation } = mesh;
-        let Status::Scene { session, .. } = &mut self.status else { return };
+        let UploadedMesh { file, content, parts, model, pixel, warnings, reservation } = mesh;
+        let Some(OpenRoom { session, .. }) = &mut self.open else { return };
         let added = session
             .add_mesh(&file, model, content, parts)
-            .and_then(|mesh| session.apply(&lo_session::Command::Add { mesh, pixel: None, material: None }));
+            .and_then(|mesh| session.apply(&lo_session::Command::Add { mesh, pixel, material: None }));
         self.handle.uploads.set_meshes(session.mesh_bytes());
         drop(reservation);
         for why in warnings.into_iter().chain(added.err().map(|error: SessionError| error.to_string())) {
@@ -301,16 +356,16 @@ impl SessionActor {
         self.changed();
     }
 
-    fn open(&mut self, source: SceneSource, reservation: Option<Reservation>) {
-        if let Status::Opening { stop, .. } = &self.status {
-            stop.store(true, Ordering::SeqCst);
+    /// Starts to open a scene. The open one stays until then, and if that fails.
+    fn open(&mut self, source: SceneSource, reservation: Option<Reservation>, room: Option<RecentRoom>) {
+        if let Some(job) = &self.opening {
+            job.stop.store(true, Ordering::SeqCst);
         }
-        self.handle.set_current(None);
-        self.handle.uploads.set_meshes(0);
         self.attempt += 1;
         let (attempt, file, stop) = (self.attempt, source.file(), Arc::new(AtomicBool::new(false)));
-        self.status = Status::Opening { file: file.clone(), stop: stop.clone() };
-        self.handle.pages.send(&self.status_message(), &[]);
+        self.opening = Some(OpeningJob { stop: stop.clone() });
+        let opening = ToPage::Opening { file: file.clone(), stage: String::new(), done: None };
+        self.handle.pages.send(&opening, &[]);
         let (handle, warning_text) = (self.handle.clone(), self.warning_text);
         let job = move || {
             let mut sent = Instant::now();
@@ -330,22 +385,29 @@ impl SessionActor {
             let opened = catch_unwind(AssertUnwindSafe(|| source.open(warning_text, &mut on_event as OnEvent<'_>)));
             let opened = opened.unwrap_or_else(|_| Err("internal error; see the terminal output".to_owned()));
             drop(reservation);
-            handle.send(Message::Opened(attempt, opened.map(Box::new)));
+            handle.send(Message::Opened(attempt, opened.map(Box::new), room));
         };
         if let Err(error) = std::thread::Builder::new().name("opening".into()).spawn(job) {
-            self.status = Status::Nothing { error: Some(error.to_string()) };
-            self.handle.pages.send(&self.status_message(), &[]);
+            self.opening = None;
+            self.refused_to_open(error.to_string());
         }
     }
 
-    fn opened(&mut self, opened: Result<Box<Opened>, String>) {
-        let status = opened.and_then(|opened| {
-            let Opened { scene, is_saved, notes } = *opened;
+    /// Reports why a scene could not be opened.
+    fn refused_to_open(&self, why: String) {
+        self.handle.pages.send(&ToPage::OpeningEnded, &[]);
+        match self.open {
+            Some(_) => self.handle.pages.send(&ToPage::Refused { why }, &[]),
+            None => self.handle.pages.send(&ToPage::Empty { error: Some(why) }, &[]),
+        }
+    }
+
+    fn opened(&mut self, opened: Result<Box<Opened>, String>, room: Option<RecentRoom>, is_stopped: bool) {
+        let opened = opened.and_then(|opened| {
+            let Opened { scene, notes } = *opened;
             let scene: Arc<OpenScene> = Arc::new(scene);
             let info = SceneInfo {
                 scene: self.attempt,
-                file: scene.file.clone(),
-                is_saved,
                 camera: scene.estimate().frame.camera,
                 up: scene.up().to_array(),
                 extent: scene.extent(),
@@ -353,28 +415,37 @@ impl SessionActor {
                 has_panorama: scene.estimate().panorama.is_some(),
                 notes,
             };
-            let session = Session::new(scene.clone()).map_err(|error| format!("{}: {error}", scene.file))?;
-            let change = Change { number: self.change, sequence: 0, state: Arc::new(session.state().clone()) };
+            let mut session = Session::new(scene.clone()).map_err(|error| format!("{}: {error}", scene.file))?;
+            if room.as_ref().is_some_and(|room| room.unsaved) {
+                session.mark_unsaved();
+            }
+            let id = room.map_or_else(random_hex::<8>, |room| Ok(room.id)).map_err(|error| error.to_string())?;
+            let change = change_of(&session, self.change, 0);
             let worker = Worker::start(scene, change, self.handle.pages.clone(), self.warning_text)
                 .map_err(|e| e.to_string())?;
-            Ok(Status::Scene { session: Box::new(session), worker, info: Box::new(info) })
+            Ok((OpenRoom { session: Box::new(session), worker, id }, info))
         });
-        match status {
-            Ok(status) => {
-                if let Status::Scene { session, worker, .. } = &status {
-                    self.handle.uploads.set_meshes(session.mesh_bytes());
-                    self.handle.set_current(Some(worker.clone()));
-                }
-                self.status = status;
-                self.handle.pages.send(&self.status_message(), &[]);
+        match opened {
+            Ok((room, info)) => {
+                self.handle.uploads.set_meshes(room.session.mesh_bytes());
+                self.handle.set_current(Some(room.worker.clone()));
+                self.open = Some(room);
+                self.handle.pages.send(&ToPage::OpeningEnded, &[]);
+                self.handle.pages.send(&ToPage::Scene(info), &[]);
                 self.changed();
             }
-            Err(error) => {
-                self.status = Status::Nothing { error: Some(error) };
-                self.handle.pages.send(&self.status_message(), &[]);
-            }
+            Err(_) if is_stopped => self.handle.pages.send(&ToPage::OpeningEnded, &[]),
+            Err(why) => self.refused_to_open(why),
         }
     }
+}
+
+/// Returns the shown state of a session as a change to render.
+fn change_of(session: &Session, number: u64, sequence: u64) -> Change {
+    let document = Arc::new(session.state().clone());
+    let has_hidden = document.objects.iter().any(|object| object.is_hidden);
+    let state = if has_hidden { Arc::new(document.shown_in_images()) } else { document.clone() };
+    Change { number, sequence, state, document }
 }
 
 /// Returns the name of a value of a probe that is out of range.

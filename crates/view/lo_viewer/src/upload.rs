@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use axum::body::Body;
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use lo_mesh::{LoadOptions, Model};
 use lo_session::{Files, plain_name};
@@ -12,6 +12,7 @@ use percent_encoding::percent_decode_str;
 
 use crate::app::App;
 use crate::body::read_body;
+use crate::query::query_number;
 use crate::session_actor::UploadedMesh;
 use crate::uploads::{MAX_UPLOAD, Reservation};
 use crate::{NamedFile, PhotoSource, SceneSource};
@@ -23,6 +24,7 @@ const NAME: &str = "x-file-name";
 pub(crate) async fn upload(
     State(app): State<App>,
     Path((_, kind)): Path<(String, String)>,
+    uri: Uri,
     headers: HeaderMap,
     body: Body,
 ) -> Response {
@@ -57,6 +59,8 @@ pub(crate) async fn upload(
             let _reading = uploads.reading.lock().await;
             let parts = reservation.take_waiting();
             let session = app.session.clone();
+            // Photo position at which the mesh was dropped.
+            let pixel = query_number(&uri, "u").zip(query_number(&uri, "v")).map(|(u, v)| [u, v]);
             let read = tokio::task::spawn_blocking(move || {
                 // Referenced files are stored in the scene file, too.
                 let referenced: RefCell<Files> = RefCell::default();
@@ -71,7 +75,7 @@ pub(crate) async fn upload(
                 let model = model.map_err(|error| error.to_string())?;
                 let warnings = model.warnings.iter().map(|warning| format!("{name}: {warning}")).collect();
                 let (content, parts) = (bytes.into(), referenced.into_inner());
-                session.add_mesh(UploadedMesh { file: name, content, parts, model, warnings, reservation });
+                session.add_mesh(UploadedMesh { file: name, content, parts, model, pixel, warnings, reservation });
                 Ok::<_, String>(())
             });
             match read.await {
@@ -106,7 +110,7 @@ pub(crate) async fn upload(
 }
 
 async fn open(app: App, source: SceneSource, reservation: Reservation) -> Response {
-    let opened = tokio::task::spawn_blocking(move || app.session.open(source, Some(reservation))).await;
+    let opened = tokio::task::spawn_blocking(move || app.session.open(source, Some(reservation), None)).await;
     match opened {
         Ok(()) => StatusCode::NO_CONTENT.into_response(),
         Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "internal error; see the terminal output").into_response(),

@@ -35,7 +35,10 @@ pub(crate) struct Change {
     pub number: u64,
     /// Number of the last preview that it includes.
     pub sequence: u64,
+    /// The state to render, without hidden objects.
     pub state: Arc<State>,
+    /// The state with hidden objects, as scene files have it.
+    pub document: Arc<State>,
 }
 
 /// A request for the light at a point.
@@ -143,6 +146,16 @@ impl Worker {
     /// Returns the current state.
     pub fn state(&self) -> Arc<State> {
         self.lock().change.state.clone()
+    }
+
+    /// Returns the current change.
+    pub fn change(&self) -> Change {
+        self.lock().change.clone()
+    }
+
+    /// Returns the last final image, which may be that of an earlier change.
+    pub fn last_image(&self) -> Option<Arc<Composite>> {
+        self.lock().finished.as_ref().map(|(_, image)| image.clone())
     }
 
     /// Waits for the final image of the current state.

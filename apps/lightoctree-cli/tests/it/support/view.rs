@@ -30,10 +30,13 @@ impl Viewer {
         viewer
     }
 
-    /// Starts the viewer as [`Viewer::start`] does, with changes of its command.
+    /// Starts the viewer as [`Viewer::start`] does, with changes of its command. Without `--recent` it saves no rooms.
     pub fn start_with(folder: &Path, args: &[&str], change: impl Fn(&mut Command) -> &mut Command) -> Self {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin("lightoctree"));
         command.current_dir(folder).args(["--quiet", "view"]).args(args).stdout(Stdio::piped());
+        if !args.contains(&"--recent") {
+            command.arg("--no-recent");
+        }
         let mut child = change(&mut command).spawn().unwrap();
         let mut address = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut address).unwrap();

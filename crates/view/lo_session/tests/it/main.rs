@@ -3,4 +3,5 @@
 
 mod inferred;
 mod outside;
+mod placing;
 mod session;

@@ -142,11 +142,17 @@ fn a_dragged_object_keeps_to_its_level_at_depth_edges() {
     // From there to the table's edge it stays on the tabletop.
     let back_at_edge = drag(&mut session, edge_u, edge_v);
     assert!((back_at_edge.y + TABLE_M).abs() < 0.05, "{back_at_edge}");
-    // It does not climb the wall: it keeps its height, or stays.
-    let before_wall = drag(&mut session, 72.0, 45.0);
-    assert!(before_wall.y < -0.6, "{before_wall}");
+    // It touches the wall under the pointer, 6 m away, and returns to the floor from there.
+    let at_wall = drag(&mut session, 72.0, 40.0);
+    let radius_m = 0.5 * session.view().objects[0].size_m[2];
+    assert!((at_wall.z + 6.0 - radius_m).abs() < 0.03 && at_wall.y > 0.3, "{at_wall}");
+    let (u, v, _) = camera.project(at_wall).unwrap();
+    assert!((u - 72.0).abs() < 0.05 && (v - 40.0).abs() < 0.05, "{u} {v}");
+    session.commit();
+    let on_floor = drag(&mut session, 120.0, 82.0);
+    assert!((on_floor.y + FLOOR_M).abs() < 0.02, "{on_floor}");
     session.cancel();
-    assert!((session.state().objects[0].placement.position_m.y + FLOOR_M).abs() < 0.02);
+    assert_eq!(session.state().objects[0].placement.position_m, at_wall);
 }
 
 #[test]
@@ -316,7 +322,7 @@ fn command(random: &mut Stream) -> Command {
     let pixel = [random.random_range(0.0..150.0), random.random_range(30.0..96.0)];
     let share = random.random_range(-0.2..1.2f32);
     let time_s = f64::from(random.random_range(-1..8i32)) / 2.0;
-    match random.random_range(0..23) {
+    match random.random_range(0..26) {
         0 | 1 => add("builtin:sphere", pixel),
         2 => Command::Duplicate { object },
         3 => Command::Delete { object },
@@ -344,6 +350,9 @@ fn command(random: &mut Stream) -> Command {
             1 => Command::White { pixel: None },
             _ => Command::Warmth { ev: 10.0 * share - 5.0 },
         },
+        23 => Command::PutDown { object },
+        24 => Command::Show { object, is_shown: share < 0.5 },
+        25 => Command::Lock { object, is_locked: share < 0.5 },
         19 => Command::Frames { frames: Some(random.random_range(0..9)), fps: random.random_range(0..30) },
         _ => match random.random_range(0..3) {
             0 => Command::AddLight {

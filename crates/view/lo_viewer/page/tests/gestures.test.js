@@ -2,14 +2,19 @@ import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 
 import { project } from "../camera.js";
-import { listen, putDown, scaled } from "../gestures.js";
-import { handlesOf } from "../handles.js";
+import { aboveFloor, listen, scaled } from "../gestures.js";
+import { gizmoOf } from "../handles.js";
+import { levelAxes } from "../orbit.js";
 import { FakeElement, installDocument } from "./support/dom.js";
 import { CAMERA, CUBE, SCENE, assertNear } from "./support/scene.js";
 
 const FIELD = "input:not([type=range]):not([type=checkbox]), select, dialog[open]";
 const PANEL = "aside, header, footer, #timeline";
 const BASE = project(CAMERA, CUBE.position_m);
+/** A point on the object that is on none of its handles. */
+const SIDE = [BASE[0] + 25, BASE[1] - 15];
+const WHOLE = { left: 0, top: 0, right: 640, bottom: 480 };
+const gizmoOfObject = (object) => gizmoOf(CAMERA, object, levelAxes([0, 1, 0]), WHOLE, 16);
 
 let stage;
 let page;
@@ -28,6 +33,9 @@ beforeEach(() => {
     select: (id) => { page.selectedId = id; },
     photoPosition: ({ at }) => at,
     reach: () => 8,
+    gizmo: () => page.selected() && gizmoOfObject(page.selected()),
+    startPan: () => done.push("pan"),
+    zoom: (direction) => done.push(`zoom ${direction}`),
     hover() {},
     redraw() {},
     preview: (command) => done.push(command),
@@ -41,18 +49,18 @@ const moveTo = (at) => stage.fire("pointermove", { at });
 const key = (name, more = {}) => document.fire("keydown", { key: name, ctrlKey: false, metaKey: false, shiftKey: false, ...more });
 
 test("a drag previews positions of the base, and commits at the end", () => {
-  // Pressed on the object's side, 20 pixels above the base.
-  press([BASE[0] + 5, BASE[1] - 20]);
+  // Pressed on the object's side, above the base.
+  press(SIDE);
   assert.equal(page.selectedId, 1);
   assert.deepEqual([page.gesture().handle, page.gesture().object], ["move", 1]);
-  moveTo([BASE[0] + 35, BASE[1] - 10]);
+  moveTo([SIDE[0] + 30, SIDE[1] + 10]);
   stage.fire("pointerup");
   assert.deepEqual(done, [{ do: "drag", object: 1, to: [BASE[0] + 30, BASE[1] + 10] }, { type: "commit" }]);
   assert.equal(page.gesture(), null);
 });
 
 test("Escape cancels a drag, and nothing is committed after it", () => {
-  press([BASE[0], BASE[1] - 20]);
+  press(SIDE);
   moveTo([BASE[0] + 30, BASE[1]]);
   key("Escape");
   stage.fire("pointerup");
@@ -63,26 +71,34 @@ test("Escape cancels a drag, and nothing is committed after it", () => {
 });
 
 test("a click without a movement is not a step of the history", () => {
-  press([BASE[0], BASE[1] - 20]);
+  press(SIDE);
   stage.fire("pointerup");
   press([5, 5]);
-  assert.deepEqual(done, []);
-  assert.equal(page.selectedId, null, "beside the object");
+  assert.deepEqual(done, ["pan"], "beside objects, the photo is moved");
+  assert.equal(page.selectedId, null);
 });
 
 test("the nearer of two objects is selected", () => {
   page.view.objects = [{ ...CUBE, id: 2, position_m: [0, -0.75, -3], size_m: [0.75, 0.75, 0.75] }, CUBE];
-  press([BASE[0], BASE[1] - 20]);
+  press(SIDE);
   assert.equal(page.selectedId, 1);
+});
+
+test("hidden and locked objects are not selected in the photo", () => {
+  for (const state of [{ is_hidden: true }, { is_locked: true }]) {
+    page.view.objects = [{ ...CUBE, ...state }];
+    press(SIDE);
+    assert.equal(page.selectedId, null);
+  }
 });
 
 test("the ring turns by the angle around the base, seen from above", () => {
   page.selectedId = 1;
-  const { ring } = handlesOf(CAMERA, CUBE);
-  press(ring[0]);
+  const { ring } = page.gizmo();
+  press(ring[4]);
   assert.equal(page.gesture().handle, "turn");
-  // A quarter of the ring, to +X.
-  moveTo(ring[12]);
+  // A quarter of the ring.
+  moveTo(ring[16]);
   assert.deepEqual(done, [{ do: "turn", object: 1, yaw_deg: 90 }]);
 });
 
@@ -91,30 +107,65 @@ test("an animated object may turn by more than half a turn, another one is wrapp
     done.length = 0;
     page.view.objects = [{ ...CUBE, yaw_deg: 170, path }];
     page.selectedId = 1;
-    const { ring } = handlesOf(CAMERA, page.view.objects[0]);
-    press(ring[0]);
-    moveTo(ring[12]);
+    const { ring } = page.gizmo();
+    press(ring[4]);
+    moveTo(ring[16]);
     stage.fire("pointercancel");
     assert.deepEqual(done, [{ do: "turn", object: 1, yaw_deg: expected }, { type: "cancel" }]);
   }
 });
 
-test("the arrow lifts along the up axis", () => {
+/** Returns the photo position at a share of an arrow. */
+const onArrow = (name, share) => {
+  const { from, to } = page.gizmo().arrows.find((arrow) => arrow.name === name);
+  return [0, 1].map((i) => from[i] + share * (to[i] - from[i]));
+};
+
+test("the arrow up lifts along gravity, and not below the floor", () => {
   page.selectedId = 1;
-  const { lift } = handlesOf(CAMERA, CUBE);
-  press(lift);
+  const from = onArrow("up", 0.6);
+  press(from);
+  assert.equal(page.gesture().handle, "up");
   // 0.3 m at a depth of 2 m.
-  moveTo([lift[0], lift[1] - (0.3 * CAMERA.fy) / 2]);
+  moveTo([from[0], from[1] - (0.3 * CAMERA.fy) / 2]);
   assert.equal(done[0].do, "place");
-  assertNear(done[0].place.position, [0, -0.2, -2]);
+  assertNear(done[0].place.position, [0, -0.2, -2], 1e-6);
+  moveTo([from[0], from[1] + 400]);
+  assertNear(done[1].place.position, [0, -1.4, -2], 1e-6);
 });
 
-test("the corner scales by the distance from the base", () => {
+test("the arrow to the right moves what stands along its surface, and what floats in the air", () => {
+  for (const rests of [true, false]) {
+    done.length = 0;
+    page.view.objects = [{ ...CUBE, rests }];
+    page.selectedId = 1;
+    const from = onArrow("right", 0.5);
+    press(from);
+    // 0.25 m at a depth of 2 m.
+    moveTo([from[0] + 40, from[1]]);
+    stage.fire("pointerup");
+    if (rests) assertNear(done[0].to, project(CAMERA, [0.25, -0.5, -2]), 1e-6);
+    else assertNear(done[0].place.position, [0.25, -0.5, -2], 1e-6);
+  }
+});
+
+test("the arrow ahead follows the ray that passes nearest to it", () => {
+  page.view.objects = [{ ...CUBE, rests: false }];
   page.selectedId = 1;
-  const { size } = handlesOf(CAMERA, CUBE);
+  const [from, to] = [-1.8, -3].map((z) => project(CAMERA, [0, -0.25, z]));
+  press(from);
+  assert.equal(page.gesture().handle, "ahead");
+  moveTo(to);
+  assertNear(done[0].place.position, [0, -0.5, -3.2], 1e-6);
+});
+
+test("the corner scales by the distance from the middle", () => {
+  page.selectedId = 1;
+  const { size, anchor_m } = page.gizmo();
+  const middle = project(CAMERA, anchor_m);
   press(size);
-  moveTo([BASE[0] + 2 * (size[0] - BASE[0]), BASE[1] + 2 * (size[1] - BASE[1])]);
-  moveTo(BASE);
+  moveTo([middle[0] + 2 * (size[0] - middle[0]), middle[1] + 2 * (size[1] - middle[1])]);
+  moveTo(middle);
   assert.deepEqual(done.map((command) => command.size), [{ height: 1 }, { height: 0.01 }], "at least 2 %");
 });
 
@@ -145,7 +196,10 @@ test("keys edit the selected object", () => {
     ["PageUp", {}, { do: "place", object: 1, place: { position: [0, -0.48, -2] } }],
     ["]", {}, { do: "turn", object: 1, yaw_deg: -5 }],
     ["+", {}, { do: "size", object: 1, size: { height: 0.525 } }],
-    ["g", {}, { do: "place", object: 1, place: { pixel: BASE } }],
+    ["g", {}, { do: "put-down", object: 1 }],
+    ["h", {}, { do: "show", object: 1, is_shown: false }],
+    ["L", {}, { do: "lock", object: 1, is_locked: true }],
+    ["PageDown", {}, { do: "place", object: 1, place: { position: [0, -0.52, -2] } }],
     ["d", { ctrlKey: true }, { do: "duplicate", object: 1 }],
     ["Delete", {}, { do: "delete", object: 1 }],
   ];
@@ -159,7 +213,7 @@ test("keys edit the selected object", () => {
 test("an object behind the camera can be turned and deleted, but not dragged", () => {
   page.view.objects = [{ ...CUBE, position_m: [0, 0, 1] }];
   page.selectedId = 1;
-  for (const name of ["ArrowLeft", "g", "[", "Delete"]) key(name);
+  for (const name of ["ArrowLeft", "[", "Delete"]) key(name);
   assert.deepEqual(done.map(({ command }) => command.do), ["turn", "delete"]);
 });
 
@@ -180,7 +234,30 @@ test("keys belong to a field in which the user types, and some to the focused co
   assert.deepEqual(done, ["key k"]);
 });
 
-test("sizes keep the way they were entered, with four digits", () => {
-  assert.deepEqual(scaled({ id: 4, size: { scale: 0.123456 } }, 2), { do: "size", object: 4, size: { scale: 0.2469 } });
-  assert.deepEqual(putDown({ id: 4 }, [1, 2]), { do: "place", object: 4, place: { pixel: [1, 2] } });
+test("with nothing selected, plus and minus zoom the photo", () => {
+  for (const name of ["+", "=", "-"]) assert.equal(key(name).defaultPrevented, true);
+  assert.deepEqual(done, ["zoom 1", "zoom 1", "zoom -1"]);
+});
+
+test("Escape closes a menu before anything else", () => {
+  page.selectedId = 1;
+  const menu = { removeAttribute: (name) => done.push(name) };
+  document.querySelectorAll = () => [menu];
+  key("Escape");
+  assert.deepEqual([done, page.selectedId], [["open"], 1]);
+});
+
+test("sizes keep the way they were entered, with four digits, and have limits", () => {
+  const object = { id: 4, size: { scale: 0.123456 }, size_m: [0.2, 0.1, 0.1] };
+  assert.deepEqual(scaled(object, 2), { do: "size", object: 4, size: { scale: 0.2469 } });
+  // From 5 mm to 20 m along the longest side.
+  assert.deepEqual(scaled(object, 1e6).size, { scale: 12.35 });
+  assert.deepEqual(scaled(object, 1e-6).size, { scale: 0.003086 });
+  // What is larger already may stay so.
+  assert.deepEqual(scaled({ ...object, size_m: [30, 1, 1] }, 2).size, { scale: 0.1235 });
+});
+
+test("positions below the floor are raised to it", () => {
+  assert.deepEqual(aboveFloor([1, -2, -3], [0, 1, 0], -1.5), [1, -1.5, -3]);
+  assert.deepEqual(aboveFloor([1, -1, -3], [0, 1, 0], -1.5), [1, -1, -3]);
 });

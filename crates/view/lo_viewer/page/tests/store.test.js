@@ -25,18 +25,6 @@ test("scene and session are errors where there are none", () => {
   assert.equal(page.isOpen(), true);
 });
 
-test("leaving asks only if objects would be lost", () => {
-  let asked = 0;
-  globalThis.confirm = () => { asked += 1; return false; };
-  assert.equal(page.mayLeave(), true);
-  page.view = { objects: [] };
-  assert.equal(page.mayLeave(), true);
-  assert.equal(asked, 0);
-  page.view = { objects: [CUBE] };
-  assert.equal(page.mayLeave(), false);
-  assert.equal(asked, 1);
-});
-
 test("parts cannot add fields", () => {
   assert.throws(() => { page.scen = SCENE; }, TypeError);
 });

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { beforeEach, mock, test } from "node:test";
 
-import { uploadFiles } from "../uploads.js";
+import { openFiles, uploadFiles } from "../uploads.js";
 import { FakeElement, installDocument } from "./support/dom.js";
 
 let uploaded;
@@ -23,12 +23,23 @@ beforeEach(() => {
   FakeElement.prototype.remove = () => {};
 });
 
-const drop = (names, { isOpen = true, mayLeave = true } = {}) =>
-  uploadFiles(names.map((name) => ({ name, size: 1 })), { isOpen: () => isOpen, mayLeave: () => mayLeave });
+/** A file with the beginning of its content. */
+const file = (name, head = "", size = 1) => ({ name, size, slice: () => new Blob([head]) });
+let chosen;
+const drop = (files, { isOpen = true, mayLeave = true, pixel = null } = {}) => {
+  chosen = null;
+  const page = { isOpen: () => isOpen, mayLeave: async () => mayLeave, chooseRoles: (_, roles) => { chosen = roles; } };
+  return uploadFiles(files.map((one) => (typeof one === "string" ? file(one) : one)), page, pixel);
+};
 
 test("a mesh is uploaded after the files that it references", async () => {
   await drop(["Böx.OBJ", "box.mtl", "wood.png"]);
   assert.deepEqual(uploaded, [["upload/part", "box.mtl"], ["upload/part", "wood.png"], ["upload/mesh", "Böx.OBJ"]]);
+});
+
+test("meshes dropped on the photo get its position", async () => {
+  await drop(["a.glb", "b.glb"], { pixel: [12.5, 30] });
+  assert.deepEqual(uploaded, [["upload/mesh?u=12.5&v=30", "a.glb"], ["upload/mesh?u=12.5&v=30", "b.glb"]]);
 });
 
 test("a scene or a photo replaces the scene, if the user agrees", async () => {
@@ -38,13 +49,26 @@ test("a scene or a photo replaces the scene, if the user agrees", async () => {
   assert.deepEqual(uploaded, [["upload/scene", "room.scene"], ["upload/photo", "photo.JPEG"]]);
 });
 
+test("a photo is uploaded after its depth and panorama", async () => {
+  const hdr = file("room.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 512 +X 1024\n");
+  await drop([hdr, "photo.jpg", "depth.npy"], { isOpen: false });
+  assert.deepEqual(uploaded, [["upload/depth", "depth.npy"], ["upload/panorama", "room.hdr"], ["upload/photo", "photo.jpg"]]);
+});
+
+test("uncertain roles are asked", async () => {
+  await drop(["a.jpg", "b.jpg"]);
+  assert.deepEqual([chosen, uploaded], [["photo", "photo"], []]);
+  await openFiles([file("a.jpg"), file("b.jpg")], ["panorama", "photo"]);
+  assert.deepEqual(uploaded, [["upload/panorama", "a.jpg"], ["upload/photo", "b.jpg"]]);
+});
+
 test("files that cannot be used are refused with a reason", async () => {
   await drop(["box.glb"], { isOpen: false });
-  await drop(["a.jpg", "b.jpg"]);
+  await drop(["depth.npy"]);
   await drop(["notes.txt"]);
-  await uploadFiles([{ name: "big.glb", size: 2 ** 29 }], { isOpen: () => true, mayLeave: () => true });
+  await drop([file("big.glb", "", 2 ** 29)]);
   assert.deepEqual(uploaded, []);
-  const reasons = [/open a photo or a scene first/, /more than one photo/, /notes\.txt: not a photo/, /big\.glb has 512 MB; at most 256 MB/];
+  const reasons = [/open a photo or a scene first/, /depth\.npy: drop depth together with its photo/, /notes\.txt: not a photo/, /big\.glb has 512 MB; at most 256 MB/];
   for (const reason of reasons) assert.ok(messages.some((text) => reason.test(text)), `${reason} in ${messages}`);
 });
 

@@ -38,6 +38,7 @@ export function installDocument() {
     activeElement: null,
     createElement: (tag) => new FakeElement(tag),
     getElementById: (id) => (byId[id] ??= new FakeElement()),
+    querySelectorAll: () => [],
   });
   return globalThis.document;
 }

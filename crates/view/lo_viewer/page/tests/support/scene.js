@@ -5,11 +5,11 @@ export const CAMERA = { fx: 320, fy: 320, cx: 320, cy: 240, width: 640, height: 
 /** A cube of 0.5 m, 2 m ahead of the camera and 0.5 m below it. */
 export const CUBE = {
   id: 1, name: "cube", mesh: "builtin:cube", place: { position: [0, -0.5, -2] }, size: { height: 0.5 }, yaw_deg: 0, path: null,
-  align: "gravity", material: null, position_m: [0, -0.5, -2], up: [0, 1, 0], size_m: [0.5, 0.5, 0.5], scale: 1, rests: true,
+  align: "gravity", material: null, is_hidden: false, is_locked: false, unit: "metres", metres_per_unit: 1, unit_is_stated: true, position_m: [0, -0.5, -2], up: [0, 1, 0], size_m: [0.5, 0.5, 0.5], scale: 1, rests: true,
 };
 
 export const SCENE = {
-  scene: 1, file: "room.scene", is_saved: true, camera: CAMERA, up: [0, 1, 0],
+  scene: 1, camera: CAMERA, up: [0, 1, 0],
   extent: { middle_m: [0, 0, -2], radius_m: 3, floor_m: -1.4 }, predicted_depth: false, has_panorama: false, notes: [],
 };
 
