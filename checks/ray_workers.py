@@ -19,6 +19,9 @@ import time
 import warnings
 from pathlib import Path
 
+# Agents of the nodes start slowly on a busy machine.
+os.environ.setdefault("RAY_agent_register_timeout_ms", "300000")
+
 import ray
 import ray.data
 from ray.cluster_utils import Cluster
