@@ -2,8 +2,8 @@
 
     python checks/ray_workers.py PHOTOS [--kill worker|node] [--throughput] [--expected FOLDER]
 
-It needs the wheel of the package and `pip install 'lightoctree[ray]'`. PHOTOS is a folder. The results are compared with
-those of the command `batch` in one process, which are kept in FOLDER.
+It needs the package with Ray, `pip install './python[ray]'`. PHOTOS is a folder. The results are compared with those of
+the command `batch` in one process, which are kept in FOLDER.
 """
 
 from __future__ import annotations
@@ -18,6 +18,9 @@ import tempfile
 import time
 import warnings
 from pathlib import Path
+
+# Agents of the nodes start slowly on a busy machine.
+os.environ.setdefault("RAY_agent_register_timeout_ms", "300000")
 
 import ray
 import ray.data
@@ -123,8 +126,8 @@ def main() -> None:
             assert contents(folder / "killed") == expected
             leftovers = [file for file in (folder / "killed").rglob(".*") if file.is_file()]
             kept = sum(bool(row["kept"]) for row in rows)
-            print(f"{len(paths)} photos, each once, with the bytes of one process; {kept} were done by a worker that was")
-            print(f"killed before it could say so; {len(leftovers)} temporary files are left")
+            print(f"{len(paths)} photos, each once, with the bytes of one process; {kept} were done by a killed worker")
+            print(f"before it could report them; {len(leftovers)} temporary files are left")
     finally:
         ray.shutdown()
         cluster.shutdown()  # type: ignore[no-untyped-call]

@@ -83,7 +83,8 @@ again=$(submit "$scripts/photos.sh" "$photos" scenes)
 await "$again"
 tail --lines 1 lightoctree-"${again}"_*.log
 diff <(results expected) <(results scenes)
-kept=$(sed --quiet 's/.* photos estimated, \([0-9]*\) kept.*/\1/p' lightoctree-"${again}"_*.log | paste --serial --delimiters + | bc)
+kept=$(sed --quiet 's/.* photos estimated, \([0-9]*\) kept.*/\1/p' lightoctree-"${again}"_*.log |
+  paste --serial --delimiters + | bc)
 [ "$kept" -eq "$done" ]
 [ "$(cat scenes/report-*-of-4.jsonl | sort --unique | wc -l)" -eq "$total" ]
 echo "job $again: $kept photos kept, all $total with the bytes of one process"
@@ -92,7 +93,7 @@ echo "job $again: $kept photos kept, all $total with the bytes of one process"
 some=$(sbatch --parsable --cpus-per-task=1 --mem-per-cpu=0 --array=2,4 "$scripts/photos.sh" "$photos" scenes)
 await "$some"
 grep --with-filename 'set PARTS' "lightoctree-${some}_2.log"
-some=$(sbatch --parsable --cpus-per-task=1 --mem-per-cpu=0 --array=2,4 --export=ALL,PARTS=4 "$scripts/photos.sh" "$photos" scenes)
+some=$(PARTS=4 sbatch --parsable --cpus-per-task=1 --mem-per-cpu=0 --array=2,4 "$scripts/photos.sh" "$photos" scenes)
 await "$some"
 grep --with-filename ' 0 of ' "lightoctree-${some}_4.log"
 

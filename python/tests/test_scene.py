@@ -264,7 +264,13 @@ def test_exports_to_unknown_formats_are_refused(scene: Scene, tmp_path: Path) ->
     ],
 )
 def test_saved_environments_are_those_of_the_command(
-    name: str, options: dict[str, Any], arguments: list[object], scene: Scene, scene_file: Path, cli: Cli, tmp_path: Path
+    name: str,
+    options: dict[str, Any],
+    arguments: list[object],
+    scene: Scene,
+    scene_file: Path,
+    cli: Cli,
+    tmp_path: Path,
 ) -> None:
     cli("envmap", scene_file, "--at", AT_TEXT, "--size", "64x32", *arguments, "-o", name)
     scene.save_environment(tmp_path / f"own-{name}", AT, (64, 32), **options)

@@ -40,7 +40,7 @@ use crate::{interrupt, output, report};
     lightoctree batch photos --shard $((SLURM_ARRAY_TASK_ID + 1))/16 -o scenes\n\n\
     The photo kitchen/a.jpg of a folder becomes kitchen/a.jpg.scene of the output folder, and kitchen/a.jpg.exr with \
     --envmap-at. To resume a stopped run, to add photos, or to try failed ones again, run the same command again: \
-    finished results are kept. Results are those of `estimate` and `envmap`, and do not depend on --shard or --threads. \
+    finished results are kept. Results are those of `estimate` and `envmap`, whatever --shard and --threads are. \
     The exit code is 1 if photos failed. docs/cluster.md describes the files and jobs of Slurm.")]
 pub struct Args {
     #[command(flatten)]

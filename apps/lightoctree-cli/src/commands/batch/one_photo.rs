@@ -57,8 +57,9 @@ pub struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    /// Estimates photos that `take` returns, on one thread, and passes their records to `give`, until there are none, or
-    /// `stop` is set, or `give` returns false.
+    /// Estimates photos that `take` returns, on one thread, and passes their records to `give`.
+    ///
+    /// It ends when there are no more photos, when `stop` is set, or when `give` returns false.
     ///
     /// # Errors
     /// A depth model that cannot be read, and a thread that cannot be started.
