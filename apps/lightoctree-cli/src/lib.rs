@@ -52,23 +52,10 @@ fn exit_code(global: &Global, job: impl FnOnce() -> anyhow::Result<()>) -> u8 {
     match job() {
         Ok(()) => 0,
         Err(error) => {
-            eprintln!("error: {}", message(&error));
+            eprintln!("error: {}", report::error_message(&error));
             if error.is::<Usage>() { 2 } else { 1 }
         }
     }
-}
-
-/// Joins the chain of causes, without those that the text before them already contains.
-fn message(error: &anyhow::Error) -> String {
-    let mut text = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if text.is_empty() {
-            text = cause;
-        } else if !text.contains(&cause) {
-            text = format!("{text}: {cause}");
-        }
-    }
-    text
 }
 
 fn run(cli: &Cli) -> anyhow::Result<()> {
@@ -104,15 +91,4 @@ fn start_threads(threads: Option<u16>) -> anyhow::Result<()> {
         rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()?;
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn causes_are_not_repeated() {
-        let error = anyhow::anyhow!("no such node").context("a.glb: no such node").context("--mesh");
-        assert_eq!(message(&error), "--mesh: a.glb: no such node");
-    }
 }

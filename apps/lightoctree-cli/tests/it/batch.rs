@@ -208,7 +208,7 @@ fn results_of_other_settings_are_not_mixed() {
     assert!(message.contains("envmap was null"), "{message}");
 }
 
-/// A file is in the place of a folder: unlike a folder without permission, it stops root, too.
+/// A file has the folder's name: unlike a folder without permission, it stops root, too.
 #[test]
 fn results_that_cannot_be_written_end_the_run() {
     let folder = photos(4);

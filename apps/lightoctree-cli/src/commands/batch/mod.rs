@@ -3,6 +3,7 @@
 //! Several processes may fill one folder, each with its part of the photos. Results are written atomically, so that a
 //! run can be killed at any time and continued by the same command.
 
+mod args;
 mod one_photo;
 mod photo_list;
 mod progress;
@@ -14,80 +15,18 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::Instant;
 
-use lo_geometry::Vec3;
 use serde_json::json;
 
+pub use self::args::Args;
+use self::args::COMMAND;
 use self::one_photo::{Failure, Worker};
-use self::photo_list::{ListedPhoto, PhotoListArgs};
+use self::photo_list::ListedPhoto;
 use self::progress::Progress;
 use self::record::{Record, Report};
-#[cfg(feature = "depth-models")]
-use super::depth_model::DepthModelArgs;
-use super::environment::{self, EnvironmentArgs};
-use super::estimate::MethodArgs;
-use super::lens::LensArgs;
-use super::parse;
+use super::environment;
 use crate::args::Global;
 use crate::progress::seconds;
 use crate::{interrupt, output, report};
-
-/// Options of `batch`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  \
-    lightoctree batch photos -o scenes\n  \
-    lightoctree batch photos --envmap-at 0,0,-1 --level --no-scenes -o light\n  \
-    lightoctree batch --list photos.txt --root /data/photos -o scenes\n  \
-    lightoctree batch photos --shard $((SLURM_ARRAY_TASK_ID + 1))/16 -o scenes\n\n\
-    The photo kitchen/a.jpg of a folder becomes kitchen/a.jpg.scene of the output folder, and kitchen/a.jpg.exr with \
-    --envmap-at. To resume a stopped run, to add photos, or to try failed ones again, run the same command again: \
-    finished results are kept. Results are those of `estimate` and `envmap`, whatever --shard and --threads are. \
-    The exit code is 1 if photos failed. docs/cluster.md describes the files and jobs of Slurm.")]
-pub struct Args {
-    #[command(flatten)]
-    photos: PhotoListArgs,
-
-    /// Process only part I of N, counted from 1: every N-th photo; for several machines or cluster jobs
-    #[arg(long, value_name = "I/N", default_value = "1/1", value_parser = parse::part)]
-    shard: [u32; 2],
-
-    #[cfg(feature = "depth-models")]
-    #[command(flatten)]
-    depth_model: DepthModelArgs,
-
-    #[command(flatten)]
-    lens: LensArgs,
-
-    #[command(flatten)]
-    method: MethodArgs,
-
-    /// Also write an HDR environment map at this position, in metres in each camera's frame: +X right, +Y up, the
-    /// camera at 0,0,0 looks along -Z
-    ///
-    /// The options below are those of `envmap`. The report gets spherical harmonics and the main light.
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
-    envmap_at: Option<Vec3>,
-
-    #[command(flatten)]
-    panorama: EnvironmentArgs,
-
-    /// Write environment maps only; scenes contain the uncompressed photo
-    #[arg(long, requires = "envmap_at")]
-    no_scenes: bool,
-
-    /// Output folder
-    #[arg(long, short, value_name = "DIR")]
-    output: PathBuf,
-
-    /// Write into a folder with other contents
-    #[arg(long)]
-    force: bool,
-
-    /// Print a summary as JSON
-    #[arg(long)]
-    json: bool,
-}
-
-const COMMAND: &str = "batch";
 
 /// File that describes what the results depend on.
 const MANIFEST: &str = "batch.json";

@@ -14,7 +14,7 @@ use lightoctree::{DepthSource, Document, EstimateOptions, Estimator, Event, Ligh
 use lo_geometry::Vec3;
 use lo_imaging as imaging;
 
-use super::Args;
+use super::args::Args;
 use super::photo_list::ListedPhoto;
 use super::record::{Light, Record};
 use crate::args::Global;
@@ -23,7 +23,7 @@ use crate::commands::estimate;
 use crate::commands::level::OutputFrame;
 use crate::usage::Usage;
 use crate::warning_text::warning_text;
-use crate::{interrupt, output};
+use crate::{interrupt, output, report};
 
 /// Stack of a thread that estimates, as large as that of a program's first thread.
 const STACK_BYTES: usize = 8 << 20;
@@ -92,7 +92,7 @@ impl Worker<'_> {
                     Ok(record) => Ok(Record { seconds: Some(begun.elapsed().as_secs_f64()), ..record }),
                     Err(_) if is_stopping() => Err(Failure::Stopped),
                     Err(error) if error.is::<Usage>() || error.is::<WriteError>() => Err(Failure::Job(error)),
-                    Err(error) => Ok(Record::failed(photo, crate::message(&error))),
+                    Err(error) => Ok(Record::failed(photo, report::error_message(&error))),
                 };
                 if !give(result) {
                     break;
@@ -167,7 +167,7 @@ impl Worker<'_> {
         let panorama = frame.panorama(renderer.at(at), height).radiance;
         let path = self.args.output.join(photo.result_name("exr"));
         environment::write(&path, &panorama, Some((at, &frame)), &options.file, "envmap")
-            .map_err(|error| WriteError(crate::message(&error)))?;
+            .map_err(|error| WriteError(report::error_message(&error)))?;
         let mut main_light = imaging::main_light(&panorama);
         if let Some(light) = &mut main_light {
             let orientation = options.file.orientation;

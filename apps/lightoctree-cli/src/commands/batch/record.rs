@@ -10,7 +10,7 @@ use lo_imaging::{MainLight, Sh9};
 use lo_scene::SceneFile;
 use serde::{Deserialize, Serialize};
 
-use super::Args;
+use super::args::Args;
 use super::photo_list::ListedPhoto;
 
 /// Longest report that is read, bytes.

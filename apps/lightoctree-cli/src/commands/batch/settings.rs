@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Context;
 use serde_json::{Value, json};
 
-use super::{Args, COMMAND};
+use super::args::{Args, COMMAND};
 use crate::args::Global;
 use crate::choice::name_of;
 use crate::commands::environment::{ORIENTATIONS, signed};
