@@ -8,7 +8,7 @@ use crate::{Mesh, ObjectSize};
 /// Longest side of a new object of unknown size, metres.
 const DEFAULT_SIDE_M: f64 = 0.3;
 
-/// Plausible longest sides of meshes whose files state metres, and of those whose unit is guessed.
+/// Plausible longest sides of meshes whose files state metres, and of those whose unit is inferred.
 const STATED_SIDES_M: std::ops::RangeInclusive<f64> = 0.005..=5.0;
 const GUESSED_SIDES_M: std::ops::RangeInclusive<f64> = 0.05..=1.0;
 

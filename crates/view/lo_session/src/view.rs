@@ -96,7 +96,7 @@ pub struct ObjectView {
     pub unit: &'static str,
     /// Metres per unit of the mesh by that unit.
     pub metres_per_unit: f64,
-    /// Whether the mesh's format defines the unit; otherwise it is guessed.
+    /// Whether the mesh's format defines the unit; otherwise it is inferred.
     pub unit_is_stated: bool,
 }
 

@@ -11,7 +11,7 @@ use lo_session::{Command, OutsideView, Overlay, RenderStep, RoomExtent, SessionV
 use serde::{Deserialize, Serialize};
 
 pub use crate::recent::RecentRoom;
-pub use crate::reopen::SampleView;
+pub use crate::sample::SampleView;
 
 /// JPEG quality of drafts.
 pub(crate) const DRAFT_JPEG_QUALITY: u8 = 88;

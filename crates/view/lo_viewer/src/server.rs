@@ -1,4 +1,3 @@
-use std::fmt::Write;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,6 +14,7 @@ use tokio::net::TcpListener;
 use crate::app::App;
 use crate::guard::guard;
 use crate::protocol::MAX_MESSAGE;
+use crate::random_hex::random_hex;
 use crate::recent::RecentRooms;
 use crate::session_actor::SessionHandle;
 use crate::{Options, Sample, ViewError, connections, download, page, page_socket, reopen, upload};
@@ -109,17 +109,6 @@ fn network_ip(any: IpAddr, target: IpAddr) -> Option<IpAddr> {
     let socket = UdpSocket::bind((any, 0)).ok()?;
     socket.connect((target, 9)).ok()?;
     Some(socket.local_addr().ok()?.ip()).filter(|ip| !ip.is_unspecified() && !ip.is_loopback())
-}
-
-/// Generates random bytes in hexadecimal.
-pub(crate) fn random_hex<const BYTES: usize>() -> std::io::Result<String> {
-    let mut bytes = [0; BYTES];
-    getrandom::fill(&mut bytes).map_err(|error| std::io::Error::other(error.to_string()))?;
-    let mut text = String::new();
-    for byte in bytes {
-        let _ = write!(text, "{byte:02x}");
-    }
-    Ok(text)
 }
 
 async fn socket(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {

@@ -11,15 +11,15 @@ use lo_mesh::{Material, Model};
 use lo_session::{Files, OpenScene, Session, SessionError, plain_name};
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
-use crate::Sample;
 use crate::autosave::{Autosave, SaveRequest};
 use crate::failure::{Failure, stage_of};
 use crate::opening::{Opened, SceneSource};
 use crate::outbox::{Outbox, Pages, send};
 use crate::outside::OutsideRequest;
 use crate::protocol::{EXPOSURES_EV, FromPage, PROBE_LIFTS_M, Preset, SceneInfo, ToPage};
+use crate::random_hex::random_hex;
 use crate::recent::{RecentRoom, RecentRooms, now_s};
-use crate::server::random_hex;
+use crate::sample::Sample;
 use crate::uploads::{Reservation, Uploads};
 use crate::warning_text::WarningText;
 use crate::worker::{Change, ProbeRequest, Worker};
