@@ -604,7 +604,7 @@ unit: string,
  */
 metres_per_unit: number,
 /**
- * Whether the mesh's format defines the unit; otherwise it is guessed.
+ * Whether the mesh's format defines the unit; otherwise it is inferred.
  */
 unit_is_stated: boolean, };
 

@@ -26,45 +26,45 @@ pub const COMMAND: &str = "batch";
     The exit code is 1 if photos failed. docs/cluster.md describes the files and jobs of Slurm.")]
 pub struct Args {
     #[command(flatten)]
-    pub photos: PhotoListArgs,
+    pub(super) photos: PhotoListArgs,
 
     /// Process only part I of N, counted from 1: every N-th photo; for several machines or cluster jobs
     #[arg(long, value_name = "I/N", default_value = "1/1", value_parser = parse::part)]
-    pub shard: [u32; 2],
+    pub(super) shard: [u32; 2],
 
     #[cfg(feature = "depth-models")]
     #[command(flatten)]
-    pub depth_model: DepthModelArgs,
+    pub(super) depth_model: DepthModelArgs,
 
     #[command(flatten)]
-    pub lens: LensArgs,
+    pub(super) lens: LensArgs,
 
     #[command(flatten)]
-    pub method: MethodArgs,
+    pub(super) method: MethodArgs,
 
     /// Also write an HDR environment map at this position, in metres in each camera's frame: +X right, +Y up, the
     /// camera at 0,0,0 looks along -Z
     ///
     /// The options below are those of `envmap`. The report gets spherical harmonics and the main light.
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
-    pub envmap_at: Option<Vec3>,
+    pub(super) envmap_at: Option<Vec3>,
 
     #[command(flatten)]
-    pub panorama: EnvironmentArgs,
+    pub(super) panorama: EnvironmentArgs,
 
     /// Write environment maps only; scenes contain the uncompressed photo
     #[arg(long, requires = "envmap_at")]
-    pub no_scenes: bool,
+    pub(super) no_scenes: bool,
 
     /// Output folder
     #[arg(long, short, value_name = "DIR")]
-    pub output: PathBuf,
+    pub(super) output: PathBuf,
 
     /// Write into a folder with other contents
     #[arg(long)]
-    pub force: bool,
+    pub(super) force: bool,
 
     /// Print a summary as JSON
     #[arg(long)]
-    pub json: bool,
+    pub(super) json: bool,
 }

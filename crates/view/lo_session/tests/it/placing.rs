@@ -101,7 +101,7 @@ fn sizes_follow_the_unit_of_the_file() {
 #[test]
 fn objects_that_would_fill_the_photo_are_smaller_at_first() {
     let mut session = session();
-    let mesh = add_box(&mut session, "person.glb", [0.5, 1.7, 0.3]);
+    let mesh = add_box(&mut session, "person.glb", [0.5, 2.0, 0.3]);
     session.apply(&Command::Add { mesh, pixel: Some([118.5, 88.5]), material: None }).unwrap();
     let camera = ROOM.estimate().frame.camera;
     let share = |session: &Session| {

@@ -133,7 +133,7 @@ fn a_dragged_object_keeps_to_its_level_at_depth_edges() {
     // Onto the table: at its edge it stays on the floor's level, in the middle it is on the tabletop.
     let camera = ROOM.estimate().frame.camera;
     let table = |x: f32, z: f32| camera.project(Vec3::new(x, -TABLE_M, z)).unwrap();
-    let (edge_u, edge_v, _) = table(-0.48, -1.9);
+    let (edge_u, edge_v, _) = table(-0.495, -1.9);
     let at_edge = drag(&mut session, edge_u, edge_v);
     assert!((at_edge.y + FLOOR_M).abs() < 0.05, "{at_edge}");
     let (u, v, _) = table(0.0, -1.9);
@@ -162,7 +162,7 @@ fn a_lifted_object_stays_as_high_as_it_is() {
     session
         .apply(&Command::Place { object: 1, place: ObjectPosition::Position(at.to_array().map(f64::from)) })
         .unwrap();
-    for (u, v) in [(110.0, 70.0), (60.0, 72.0), (30.0, 60.0)] {
+    for (u, v) in [(110.0, 70.0), (60.0, 72.0), (130.0, 80.0)] {
         session.preview(&Command::Drag { object: 1, to: [u, v] }).unwrap();
         let moved = session.state().objects[0].placement.position_m;
         assert!((moved.y - at.y).abs() < 1e-3, "{moved}");
