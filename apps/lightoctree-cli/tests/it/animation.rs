@@ -108,12 +108,10 @@ fn an_animation_plays_in_a_sequence() {
 #[test]
 fn unknown_animations_are_refused_with_those_of_the_mesh() {
     let folder = scene();
-    let with = |name: &str, output: &str, more: &[&str]| {
-        let play = ["--animation", name, "-o", output];
-        refused(folder.path(), 2, &[&SQUARE[..], &play, more].concat())
-    };
-    let message = with("drop", "a_%04d.png", &["--frames", "2"]);
+    let unknown = ["--animation", "drop", "--frames", "2", "-o", "a_%04d.png"];
+    let message = refused(folder.path(), 1, &[&SQUARE[..], &unknown].concat());
     assert!(message.contains("drop") && message.contains("lift"), "{message}");
-    let message = with("lift", "still.png", &[]);
+    let still = ["--animation", "lift", "-o", "still.png"];
+    let message = refused(folder.path(), 2, &[&SQUARE[..], &still].concat());
     assert!(message.contains("--frames"), "{message}");
 }
