@@ -178,6 +178,7 @@ impl Worker<'_> {
 }
 
 /// Returns the names of the input files, as `estimate` stores them.
+#[cfg_attr(not(feature = "depth-models"), expect(unused_variables, reason = "there are no depth models"))]
 fn sources(args: &Args, photo: &Path) -> Vec<String> {
     #[cfg(feature = "depth-models")]
     let model = args.depth_model.path();
