@@ -52,7 +52,7 @@ fn objects_at_one_pixel_stand_beside_each_other() {
             assert!(!overlap(&session, [a, b]), "{a} {b}");
         }
     }
-    // The first one stands at the pixel.
+    // The first object is at the pixel.
     assert_eq!(session.state().objects[0].position, ObjectPosition::Pixel([118.5, 88.5]));
 }
 
