@@ -3,10 +3,10 @@
 import bpy
 
 from . import compositing, lighting
+from .names import ROLE, SCENE
 
 # What the objects of an exported room are for, by their names in the file.
 ROLES = ("Scene", "World", "Camera", "Room", "Photo", "Lamp", "ShadowCatcher", "Backdrop", "Materials")
-ROLE = "room_light_role"
 # Blender reads a distant light four times as strong as USD defines it.
 SUN_SCALE = 0.25
 
@@ -86,7 +86,7 @@ def fill(collection, objects, room):
         lamp.data.name = lamp.name
         if lamp.data.type == "SUN":
             lamp.data.energy *= SUN_SCALE
-    collection[lighting.SCENE] = room.scene.to_bytes()
+    collection[SCENE] = room.scene.to_bytes()
     properties = collection.room_light
     properties.is_room = True
     properties.is_level = room.is_level

@@ -7,6 +7,7 @@ objects divided by the surfaces without (Debevec 1998, differential rendering); 
 import bpy
 
 from . import empty
+from .names import COMPOSITOR
 
 # Since 5.0, a scene's compositor is a node group, which other scenes can use.
 HAS_GROUPS = bpy.app.version >= (5, 0, 0)
@@ -138,7 +139,7 @@ def disconnect(scene):
         bpy.data.node_groups.remove(tree)
     else:
         scene.node_tree.nodes.clear()
-        del scene.node_tree["room_light"]
+        del scene.node_tree[COMPOSITOR]
         scene.use_nodes = False
 
 
@@ -146,11 +147,11 @@ def own_tree(scene):
     """Returns the scene's compositor, which is made if necessary."""
     if not HAS_GROUPS:
         scene.use_nodes = True
-        scene.node_tree["room_light"] = True
+        scene.node_tree[COMPOSITOR] = True
         return scene.node_tree
     if scene.compositing_node_group is None:
         tree = new_group("Room Light", [])
-        tree["room_light"] = True
+        tree[COMPOSITOR] = True
         scene.compositing_node_group = tree
     return scene.compositing_node_group
 
@@ -162,7 +163,7 @@ def is_free(scene):
 def is_rooms(scene):
     """Returns whether the compositor is a room's."""
     tree = current(scene)
-    return tree is not None and bool(tree.get("room_light"))
+    return tree is not None and bool(tree.get(COMPOSITOR))
 
 
 def current(scene):

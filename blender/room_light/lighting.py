@@ -7,8 +7,8 @@ import lightoctree
 import numpy as np
 from mathutils import Matrix, Vector
 
-# The custom property of a room's collection with its .scene file.
-SCENE = "room_light_scene"
+from .names import ROLE, SCENE
+
 # Height of the default place above its surface.
 ABOVE_M = 0.15
 # Twice the photo's white: lamps and windows.
@@ -51,7 +51,7 @@ def images(world):
 
 def light_object(collection, target):
     """Lights the scene by the panorama at an object. Returns warnings."""
-    messages = light_place(collection, centre(target), target.name)
+    messages = light_place(collection, estimated(collection), centre(target), target.name)
     collection.room_light.target = target
     return messages
 
@@ -60,20 +60,24 @@ def light_view(collection):
     """Lights the scene by the panorama above the middle of the photo's lower part."""
     room = collection.room_light
     width, height = room.photo.size
-    scene = lightoctree.Scene.from_bytes(collection[SCENE])
+    scene = estimated(collection)
     try:
         position, _ = scene.surface_at_pixel((width / 2, 0.8 * height))
     except lightoctree.LightOctreeError:
         position = (0.0, -0.5, -1.5)
     up = scene.up or (0.0, 1.0, 0.0)
     place = Vector(position) + ABOVE_M * Vector(up)
-    return light_place(collection, room.root.matrix_world @ place, collection.name)
+    return light_place(collection, scene, room.root.matrix_world @ place, collection.name)
 
 
-def light_place(collection, position, name):
+def estimated(collection):
+    """Returns the estimated scene of a room."""
+    return lightoctree.Scene.from_bytes(collection[SCENE])
+
+
+def light_place(collection, scene, position, name):
     """Lights the scene by the panorama at a position in world space. Returns warnings."""
     room = collection.room_light
-    scene = lightoctree.Scene.from_bytes(collection[SCENE])
     at = room.root.matrix_world.inverted() @ position
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always", lightoctree.LightOctreeWarning)
@@ -125,6 +129,6 @@ def show_source(collection):
     room = collection.room_light
     by_room = room.source == "ROOM"
     for thing in list(collection.all_objects):
-        if thing.get("room_light_role") in ("Room", "Photo", "Lamp"):
+        if thing.get(ROLE) in ("Room", "Photo", "Lamp"):
             thing.hide_render = thing.hide_viewport = not by_room
     node(room.world, "Background").inputs["Strength"].default_value = 0.0 if by_room else 1.0

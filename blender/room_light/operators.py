@@ -7,6 +7,7 @@ from bpy.props import StringProperty
 
 from . import build, lighting, look
 from .job import Cancelled, Job, Request
+from .names import ROLE
 
 # Interval at which the status bar is updated, in seconds.
 INTERVAL_S = 0.1
@@ -120,13 +121,15 @@ class RoomOperator:
     def poll(cls, context):
         return bool(build.rooms(context.scene))
 
-    def collection(self, context):
+    def execute(self, context):
+        rooms = build.rooms(context.scene)
         if not self.room:
-            return context.scene.room_light.active or build.rooms(context.scene)[0]
-        named = next((room for room in build.rooms(context.scene) if room.name == self.room), None)
+            return self.execute_on(context, context.scene.room_light.active or rooms[0])
+        named = next((room for room in rooms if room.name == self.room), None)
         if named is None:
             self.report({"ERROR"}, f"The scene has no room {self.room!r}")
-        return named
+            return {"CANCELLED"}
+        return self.execute_on(context, named)
 
 
 class LightObject(RoomOperator, bpy.types.Operator):
@@ -138,15 +141,12 @@ class LightObject(RoomOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         target = context.active_object
-        if target is None or build.ROLE in target:
+        if target is None or ROLE in target:
             cls.poll_message_set("Select an object that is not part of a room")
             return False
         return bool(build.rooms(context.scene))
 
-    def execute(self, context):
-        collection = self.collection(context)
-        if collection is None:
-            return {"CANCELLED"}
+    def execute_on(self, context, collection):
         try:
             messages = lighting.light_object(collection, context.active_object)
         except Exception as error:
@@ -163,10 +163,7 @@ class UseRoom(RoomOperator, bpy.types.Operator):
     bl_idname = "room_light.use_room"
     bl_label = "Use Room"
 
-    def execute(self, context):
-        collection = self.collection(context)
-        if collection is None:
-            return {"CANCELLED"}
+    def execute_on(self, context, collection):
         for message in look.activate(context.scene, collection):
             self.report({"WARNING"}, message)
         return {"FINISHED"}
@@ -178,10 +175,7 @@ class ResetRoom(RoomOperator, bpy.types.Operator):
     bl_idname = "room_light.reset"
     bl_label = "Reset"
 
-    def execute(self, context):
-        collection = self.collection(context)
-        if collection is None:
-            return {"CANCELLED"}
+    def execute_on(self, context, collection):
         scene = context.scene
         others = [room for room in build.rooms(scene) if room != collection]
         if scene.room_light.active == collection:

@@ -3,6 +3,7 @@
 import bpy
 
 from . import build, compositing, operators
+from .names import ROLE
 
 
 class RoomLightPanel(bpy.types.Panel):
@@ -43,7 +44,7 @@ def draw_room(context, box, collection):
         return
     box.row().prop(room, "source", expand=True)
     target = context.active_object
-    text = f"Light for {target.name}" if target and build.ROLE not in target else "Light for Object"
+    text = f"Light for {target.name}" if target and ROLE not in target else "Light for Object"
     box.operator(operators.LightObject.bl_idname, text=text, icon="WORLD").room = collection.name
     is_cycles = context.scene.render.engine == "CYCLES"
     if room.source == "ENVIRONMENT" and room.target is not None:
