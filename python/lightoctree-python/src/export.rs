@@ -4,12 +4,10 @@ use lightoctree::export::{self, Content, Format, LightProbe, Options};
 use lightoctree::geometry::Vec3;
 use lightoctree::{Document, LightPurpose, SceneRenderer};
 use lightoctree_cli::commands::environment::unusual_position;
+use lightoctree_cli::commands::export::PROBE_WIDTH;
 
 use crate::errors::Failure;
 use crate::job::Reporter;
-
-/// Width of a probe's panorama in pixels, as of the command `export`.
-const PROBE_WIDTH: usize = 1024;
 
 /// An export of a scene to a file.
 pub struct Export {

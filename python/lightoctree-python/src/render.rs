@@ -1,5 +1,7 @@
 //! Cone tracing of octrees with given features, and its gradient.
 
+use std::sync::Arc;
+
 use lightoctree::cone::{Cone, ConeSample, ConeTracer, SampleGradient, Settings};
 use lightoctree::octree::LightOctree;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -9,7 +11,7 @@ use pyo3::prelude::*;
 use crate::arrays;
 use crate::errors::Failure;
 use crate::job::{self, Handler};
-use crate::octree::{Octree, rows};
+use crate::octree::{Holder, Octree, rows};
 
 /// Values of a sample: radiance, expected distance in metres, opacity.
 const SAMPLE: usize = 5;
@@ -60,7 +62,9 @@ pub fn trace_backward<'py>(
 
 /// Cones and the octree that they are traced through.
 struct Job {
-    light: LightOctree,
+    octree: Arc<Holder>,
+    /// Features of all rows, instead of the octree's own.
+    rgba: Option<Vec<[f32; 4]>>,
     cones: Vec<Cone>,
 }
 
@@ -84,24 +88,29 @@ impl Job {
             tan_half_angle,
         });
         let cones = cones.collect();
-        let mut light = octree.holder().light().clone();
-        if let Some(rgba) = rgba {
-            let rgba = rows::<4>("rgba", rgba)?;
-            let expected: usize = light.rgba.iter().map(Vec::len).sum();
-            if rgba.len() != expected {
-                let counts = format!("rgba has {} rows, the octree has {expected}", rgba.len());
-                return Err(PyValueError::new_err(counts));
-            }
-            let mut rest = rgba.into_iter();
-            for level in &mut light.rgba {
-                *level = rest.by_ref().take(level.len()).collect();
-            }
+        let octree = octree.holder();
+        let rgba = rgba.map(|rgba| rows::<4>("rgba", rgba)).transpose()?;
+        let expected: usize = octree.light().rgba.iter().map(Vec::len).sum();
+        if let Some(rgba) = rgba.as_ref().filter(|rgba| rgba.len() != expected) {
+            let counts = format!("rgba has {} rows, the octree has {expected}", rgba.len());
+            return Err(PyValueError::new_err(counts));
         }
-        Ok(Self { light, cones })
+        Ok(Self { octree, rgba, cones })
     }
 
     fn tracer(&self) -> Result<ConeTracer, Failure> {
-        ConeTracer::new(&self.light, Settings::default()).map_err(|error| Failure::new("SceneError", error))
+        let own = self.octree.light();
+        let tracer = match &self.rgba {
+            None => ConeTracer::new(own, Settings::default()),
+            Some(rgba) => {
+                let mut rest = rgba.iter().copied();
+                let rgba = own.rgba.iter().map(|level| rest.by_ref().take(level.len()).collect()).collect();
+                let (octree, lobes) = (own.octree.clone(), own.lobes.clone());
+                let light = LightOctree { octree, cube: own.cube, rgba, seen: Vec::new(), lobes };
+                ConeTracer::new(&light, Settings::default())
+            }
+        };
+        tracer.map_err(|error| Failure::new("SceneError", error))
     }
 }
 

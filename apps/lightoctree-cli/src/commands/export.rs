@@ -73,7 +73,7 @@ static CONTENTS: [Choice<Content>; 2] = [
 ];
 
 /// Width of a probe in pixels; the height is half of it.
-const PROBE_WIDTH: usize = 1024;
+pub const PROBE_WIDTH: usize = 1024;
 const COMMAND: &str = "export";
 
 /// Reads the scene and writes the files.
