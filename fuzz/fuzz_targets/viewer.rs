@@ -59,7 +59,7 @@ fuzz_target!(|text: &str| {
                 let _ = view.check(session.scene().up());
                 true
             }
-            FromPage::StopSequence | FromPage::Stop | FromPage::Close => true,
+            FromPage::StopSequence | FromPage::Stop | FromPage::Saved { .. } => true,
         };
         let state = session.state();
         assert!(!stays || before == *state);
