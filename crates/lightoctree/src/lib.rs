@@ -44,7 +44,7 @@
 //!      example those of [`probe_grid`].
 //!    - [`insert::Inserter`] renders objects into the photo, with shadows and reflections. [`Models`] loads their
 //!      meshes.
-//!    - [`export::write`] writes PLY, glTF or USD.
+//!    - [`export::write`] writes PLY, glTF or USD. [`export_web`] writes a web page.
 //!
 //! The programs in `crates/lightoctree/examples` show each of these: `estimate`, `external_depth`, `envmap`, `insert`,
 //! `probes`.
@@ -81,6 +81,7 @@ mod model_error;
 mod models;
 mod probe_grid;
 mod probes;
+mod web;
 
 // 1. Estimate.
 pub use lo_completion::{PanoramaError, PanoramaPrior};
@@ -107,6 +108,7 @@ pub use lo_scene::{InferredLight, LightMode, LightTuning, LitScene};
 pub use lo_lookup::{Detail, LevelFrame, SceneRenderer};
 pub use probe_grid::probe_grid;
 pub use probes::render_probes;
+pub use web::{WebExportError, export_web};
 
 pub use events::{Cancelled, Event, OnEvent, Stage, Warning};
 
@@ -257,7 +259,7 @@ pub mod cone {
 pub mod lights {
     pub use lo_completion::{ExpectedLightReport, LampFit};
     pub use lo_estimate::{PhotoSun, ShadowError, sun_from_photo, supported_sun};
-    pub use lo_lights::{LightKind, LightOrigin, LightsError, ListedLight};
+    pub use lo_lights::{EngineLight, LightEstimate, LightKind, LightLayout, LightOrigin, LightsError, ListedLight};
     pub use lo_scene::{
         AddedLight, AnalyticLight, EmitterEdit, LightChange, LightColor, LightEdits, LightEffect, LightShape,
     };
@@ -346,7 +348,7 @@ pub mod footage {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub mod export {
-    pub use lo_export::{Content, ExportError, Format, LightProbe, Options, Report, write};
+    pub use lo_export::{Content, ExportError, Format, LightProbe, Options, Report, WebReport, write};
 }
 
 /// Third-party depth networks in ONNX files.

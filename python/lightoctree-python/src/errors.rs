@@ -6,7 +6,9 @@ use lightoctree::imaging::ImageError;
 use lightoctree::insert::InsertError;
 use lightoctree::lights::LightsError;
 use lightoctree::scene::SceneError;
-use lightoctree::{CheckpointError, DocumentError, EstimateError, LightingError, ModelError, PanoramaError};
+use lightoctree::{
+    CheckpointError, DocumentError, EstimateError, LightingError, ModelError, PanoramaError, WebExportError,
+};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 
@@ -154,5 +156,14 @@ impl From<LightsError> for Failure {
 impl From<CheckpointError> for Failure {
     fn from(error: CheckpointError) -> Self {
         Self::new("EstimateError", error)
+    }
+}
+
+impl From<WebExportError> for Failure {
+    fn from(error: WebExportError) -> Self {
+        match error {
+            WebExportError::Export(error) => error.into(),
+            WebExportError::Cancelled(_) => Self::Cancelled,
+        }
     }
 }

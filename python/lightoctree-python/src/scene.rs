@@ -5,7 +5,10 @@ use lightoctree::cone::Rendering;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, Sh9, ToneCurve};
 use lightoctree::insert::surface_at_pixel;
-use lightoctree::{Document, InferredLight, LevelFrame, LightMode, LightPurpose, LightTuning, LitScene, SceneRenderer};
+use lightoctree::lights::{LightEstimate, LightLayout};
+use lightoctree::{
+    Document, InferredLight, LevelFrame, LightMode, LightPurpose, LightTuning, LitScene, SceneRenderer, export_web,
+};
 use lightoctree_cli::commands::environment::{self, PanoramaFileArgs, unusual_position};
 use lightoctree_cli::commands::level::OutputFrame;
 use pyo3::exceptions::PyValueError;
@@ -140,7 +143,7 @@ impl Scene {
 
     /// Writes the HDR panorama at a position, as the command `envmap` does: .exr, .hdr or .pfm.
     ///
-    /// `orientation` is named after a program that uses it: "lightoctree", "openexr", "threejs" or "blender". With
+    /// `orientation` is named after a program that uses it: "lightoctree", "openexr", "threejs", "blender" or "unity". With
     /// `half`, EXR has 16-bit floats. The other parameters are those of `environment`.
     #[pyo3(
         signature = (path, at, size = SIZE, level = false, *, light = None, orientation = "lightoctree", half = false),
@@ -191,6 +194,24 @@ impl Scene {
         found.map(|light| lights::of_json(py, "MainLight", &light)).transpose()
     }
 
+    /// Returns the light at a position in the layout of an AR framework or engine, as the command `envmap` writes it.
+    ///
+    /// `layout` is "webxr", "arkit" or "unity".
+    #[pyo3(signature = (at, layout, level = false, *, light = None))]
+    fn light_estimate<'py>(
+        &self,
+        py: Python<'py>,
+        at: [f64; 3],
+        layout: &str,
+        level: bool,
+        light: Option<&str>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let layout = choice::choice("layout", layout, &LightLayout::ALL)?;
+        let panorama = self.panorama(py, at, SIZE, level, light)?;
+        let estimate = py.detach(|| LightEstimate::of(&panorama.radiance).in_layout(layout));
+        lights::json(py, &estimate)
+    }
+
     /// Writes the room for other programs, as the command `export` does: .ply, .glb or .usda. Returns the files.
     ///
     /// With `level`, the scene is upright, the floor is at height 0, and the camera is above the origin. `probes` are
@@ -213,6 +234,21 @@ impl Scene {
         let mut document = self.document(py);
         choose_light(&mut document, light)?;
         job::run(py, Handler::Silent, move |reporter| export.write(&document, reporter))
+    }
+
+    /// Writes a folder with a web page that shows objects in the photo, as the command `export --to web` does. Returns
+    /// the files.
+    ///
+    /// `light` is "even", "expected" or "plausible"; by default that of the scene, else "plausible".
+    #[pyo3(signature = (folder, *, title = "", light = None), text_signature = "($self, folder, *, title='', light=None)")]
+    fn export_web(&self, py: Python<'_>, folder: PathBuf, title: &str, light: Option<&str>) -> PyResult<Vec<PathBuf>> {
+        let mut document = self.document(py);
+        choose_light(&mut document, light)?;
+        job::run(py, Handler::Silent, move |reporter| {
+            let (scene, report) = document.lit_with_report(LightPurpose::Export)?;
+            report.fit.warning().iter().for_each(|warning| reporter.warn(warning));
+            Ok(export_web(&scene, title, &folder, &mut |event| reporter.handle(event))?.files)
+        })
     }
 
     /// Returns the position of the observed surface at a pixel of the photo, and its unit normal.

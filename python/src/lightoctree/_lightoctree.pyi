@@ -28,7 +28,7 @@ _Vector: TypeAlias = abc.Sequence[float] | NDArray[Any]
 _Object: TypeAlias = Mapping[str, Any]
 _LightMode: TypeAlias = Literal["even", "expected", "plausible"]
 _Quality: TypeAlias = Literal["draft", "normal", "high"]
-_Orientation: TypeAlias = Literal["lightoctree", "openexr", "threejs", "blender"]
+_Orientation: TypeAlias = Literal["lightoctree", "openexr", "threejs", "blender", "unity"]
 
 __version__: str
 
@@ -112,6 +112,14 @@ class Scene:
     ) -> None: ...
     def sh9(self, at: _Vector, level: bool = False, *, light: _LightMode | None = None) -> NDArray[np.float32]: ...
     def main_light(self, at: _Vector, level: bool = False, *, light: _LightMode | None = None) -> MainLight | None: ...
+    def light_estimate(
+        self,
+        at: _Vector,
+        layout: Literal["webxr", "arkit", "unity"],
+        level: bool = False,
+        *,
+        light: _LightMode | None = None,
+    ) -> dict[str, Any]: ...
     def export(
         self,
         path: _Path,
@@ -120,6 +128,7 @@ class Scene:
         probes: abc.Sequence[_Vector] = (),
         light: _LightMode | None = None,
     ) -> list[Path]: ...
+    def export_web(self, folder: _Path, *, title: str = "", light: _LightMode | None = None) -> list[Path]: ...
     def surface_at_pixel(self, pixel: _Vector) -> tuple[tuple[float, float, float], tuple[float, float, float]]: ...
     def insert(
         self,

@@ -14,11 +14,12 @@ use crate::choice::{Choice, choice, name_of};
 use crate::output::signature;
 
 /// Orientations of equirectangular maps, named after programs that use them.
-pub static ORIENTATIONS: [Choice<Orientation>; 4] = [
+pub static ORIENTATIONS: [Choice<Orientation>; 5] = [
     ("lightoctree", Orientation::Lightoctree, "Centre −Z, +X right (also skylibs)"),
     ("openexr", Orientation::Openexr, "OpenEXR latitude-longitude, Mitsuba, USD dome light"),
     ("threejs", Orientation::Threejs, "three.js"),
     ("blender", Orientation::Blender, "Blender Cycles"),
+    ("unity", Orientation::Unity, "Unity, Skybox/Panoramic"),
 ];
 
 /// Tone curves for previews.

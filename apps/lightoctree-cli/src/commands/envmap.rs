@@ -8,6 +8,7 @@ use lo_geometry::{Orientation, Vec3, is_position};
 use lo_imaging as imaging;
 use lo_imaging::{EnvironmentLayout, RadianceImage};
 use lo_insert as insert;
+use lo_lights::{LightEstimate, LightLayout};
 use serde_json::json;
 
 use super::environment::{self, EnvironmentArgs, PanoramaRenderer};
@@ -24,7 +25,8 @@ use crate::{output, report};
 #[command(after_help = "Examples:\n  \
     lightoctree envmap room.scene --at 0,-0.5,-2 -o room.exr --preview\n  \
     lightoctree envmap room.scene --pixel 960,1100 --lift 0.2 --orientation blender --sh9 sh.json --main-light sun.json -o light.hdr\n  \
-    lightoctree envmap room.scene --pixel 960,1100 --level -o light.exr")]
+    lightoctree envmap room.scene --pixel 960,1100 --level -o light.exr\n  \
+    lightoctree envmap room.scene --at 0,-0.5,-2 --cubemap --orientation unity --light-estimate unity:light.json -o light.hdr")]
 #[command(group(clap::ArgGroup::new("place").required(true).args(["at", "pixel"])))]
 #[command(mut_arg("output", |output| output.help("Environment map to write: .exr, .hdr or .pfm")))]
 pub struct Args {
@@ -57,7 +59,8 @@ pub struct Args {
     #[command(flatten)]
     panorama: EnvironmentArgs,
 
-    /// Write a cubemap instead of an equirectangular map: six faces of H/2 pixels, stacked in OpenEXR's order
+    /// Write a cubemap instead of an equirectangular map: six faces of H/2 pixels, stacked in OpenEXR's order, +X -X +Y
+    /// -Y +Z -Z
     #[arg(long)]
     cubemap: bool,
 
@@ -75,11 +78,23 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json")]
     main_light: Option<PathBuf>,
 
+    /// Also write the light in the layout of an AR framework or engine: webxr, arkit or unity; may be repeated
+    #[arg(long, value_name = "LAYOUT:FILE.json", value_parser = light_layout)]
+    light_estimate: Vec<(LightLayout, PathBuf)>,
+
     #[command(flatten)]
     out: OutputArgs,
 }
 
 const COMMAND: &str = "envmap";
+
+/// Parses `LAYOUT:FILE`.
+fn light_layout(text: &str) -> Result<(LightLayout, PathBuf), String> {
+    let named = text.split_once(':').filter(|(_, file)| !file.is_empty());
+    named
+        .and_then(|(name, file)| Some((LightLayout::ALL.iter().find(|(known, _)| *known == name)?.1, file.into())))
+        .ok_or_else(|| "must be webxr:FILE.json, arkit:FILE.json or unity:FILE.json".into())
+}
 
 /// Renders the environment map and writes it.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
@@ -91,8 +106,12 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         (args.sh9.as_ref(), output::JSON),
         (args.main_light.as_ref(), output::JSON),
     ];
-    let outputs: Vec<(&Path, &[&str])> =
-        outputs.into_iter().filter_map(|(path, extensions)| Some((path?.as_path(), extensions))).collect();
+    let estimates = args.light_estimate.iter().map(|(_, path)| (Some(path), output::JSON));
+    let outputs: Vec<(&Path, &[&str])> = outputs
+        .into_iter()
+        .chain(estimates)
+        .filter_map(|(path, extensions)| Some((path?.as_path(), extensions)))
+        .collect();
     output::check_outputs(&outputs, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
     let mut document = stages.stage("read scene", || Document::read(&args.scene))?;
@@ -142,8 +161,15 @@ fn write(
     shown: &RadianceImage,
 ) -> anyhow::Result<()> {
     if args.cubemap {
-        let turned = imaging::reorient(shown, Orientation::Lightoctree, args.panorama.file.orientation);
-        let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
+        let (orientation, size) = (args.panorama.file.orientation, args.panorama.size[1] / 2);
+        let cube = if orientation == Orientation::Unity {
+            imaging::cubemap_from_equirectangular(shown, size).left_handed()
+        } else {
+            imaging::cubemap_from_equirectangular(
+                &imaging::reorient(shown, Orientation::Lightoctree, orientation),
+                size,
+            )
+        };
         let options =
             environment::exr_options(&args.panorama.file, Some((at, frame)), EnvironmentLayout::Cube, COMMAND);
         imaging::write_radiance(&args.out.output, &cube.strip(), &options)?;
@@ -171,6 +197,14 @@ fn write(
         let value = json!({
             "position_m": position_m, "camera": frame.camera(), "axes": orientation.axes(), "main_light": light,
         });
+        environment::write_json(path, COMMAND, value)?;
+    }
+    if args.light_estimate.is_empty() {
+        return Ok(());
+    }
+    let estimate = LightEstimate::of(&panorama.radiance);
+    for (layout, path) in &args.light_estimate {
+        let value = serde_json::to_value(estimate.in_layout(*layout))?;
         environment::write_json(path, COMMAND, value)?;
     }
     Ok(())

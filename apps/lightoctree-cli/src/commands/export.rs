@@ -15,6 +15,7 @@ use super::parse;
 use crate::args::{Global, OutputArgs};
 use crate::choice::{Choice, choice};
 use crate::progress::Stages;
+use crate::usage::Usage;
 use crate::{output, report};
 
 /// Options of `export`.
@@ -22,15 +23,17 @@ use crate::{output, report};
 #[command(after_help = "Examples:\n  \
     lightoctree export room.scene --to glb -o room.glb\n  \
     lightoctree export room.scene --to usda --level -o room.usda\n  \
-    lightoctree export room.scene --to usda --probe-at 0,-0.5,-2 -o room.usda\n\n\
+    lightoctree export room.scene --to usda --probe-at 0,-0.5,-2 -o room.usda\n  \
+    lightoctree export room.scene --to web -o room\n\n\
     docs/blender.md shows the way from a photo to an image rendered in Blender.")]
+#[command(mut_arg("output", |output| output.help("File to write, with --to web the folder")))]
 pub struct Args {
     /// Scene file
     scene: PathBuf,
 
     /// File format
-    #[arg(long, value_name = "FORMAT", value_parser = choice(&FORMATS))]
-    to: Format,
+    #[arg(long, value_name = "FORMAT", value_parser = choice(&TARGETS))]
+    to: Target,
 
     /// Part of the scene to export
     #[arg(long, value_name = "WHAT", default_value = "leaves", value_parser = choice(&CONTENTS))]
@@ -54,11 +57,19 @@ pub struct Args {
     out: OutputArgs,
 }
 
-/// File formats.
-static FORMATS: [Choice<Format>; 3] = [
-    ("ply", Format::Ply, "Point cloud: MeshLab, CloudCompare, Open3D, Blender"),
-    ("glb", Format::Glb, "glTF binary: Blender, three.js, any viewer"),
-    ("usda", Format::Usda, "USD: Houdini, Nuke, Omniverse, Blender"),
+/// What a scene is converted to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Target {
+    File(Format),
+    Web,
+}
+
+/// What scenes are converted to.
+static TARGETS: [Choice<Target>; 4] = [
+    ("ply", Target::File(Format::Ply), "Point cloud: MeshLab, CloudCompare, Open3D, Blender"),
+    ("glb", Target::File(Format::Glb), "glTF binary: Blender, three.js, any viewer"),
+    ("usda", Target::File(Format::Usda), "USD: Houdini, Nuke, Omniverse, Blender"),
+    ("web", Target::Web, "Folder with a web page that shows objects in the photo, for any browser"),
 ];
 
 /// Parts of a scene.
@@ -75,10 +86,58 @@ static CONTENTS: [Choice<Content>; 2] = [
 /// Width of a probe in pixels; the height is half of it.
 pub const PROBE_WIDTH: usize = 1024;
 const COMMAND: &str = "export";
+/// The page in the folder of `--to web`.
+const PAGE: &str = "index.html";
 
 /// Reads the scene and writes the files.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    let extensions: &[&str] = match args.to {
+    match args.to {
+        Target::File(format) => write_file(global, args, format),
+        Target::Web => write_page(global, args),
+    }
+}
+
+/// Writes the scene as a web page.
+fn write_page(global: &Global, args: &Args) -> anyhow::Result<()> {
+    let only_files = [
+        (args.content != Content::Leaves, "--content"),
+        (!args.probe_at.is_empty(), "--probe-at"),
+        (args.level, "--level"),
+    ];
+    if let Some((_, option)) = only_files.iter().find(|(given, _)| *given) {
+        return Err(Usage(format!("{option} has no effect with --to web")).into());
+    }
+    let folder = &args.out.output;
+    output::check_folder(folder, PAGE, COMMAND, args.out.force)?;
+    let mut stages = Stages::new(global.quiet);
+    let mut document = stages.stage("read scene", || Document::read(&args.scene))?;
+    let scene = args.light.lit(&mut document, LightPurpose::Export, &mut stages)?;
+    output::prepare_folder(folder, PAGE, COMMAND, args.out.force)?;
+    let title = args.scene.file_stem().unwrap_or_default().to_string_lossy();
+    let written = lightoctree::export_web(&scene, &title, folder, &mut |event| stages.handle(event))?;
+    if args.out.json {
+        return report::print_json(&json!({
+            "files": written.files,
+            "bytes": written.bytes,
+            "probes": written.probes,
+            "triangles": written.triangles,
+            "seconds": stages.timings(),
+        }));
+    }
+    let size = report::bytes(written.bytes);
+    report::print(&format!(
+        "{}  {size} in {} files, {} probes, {} triangles",
+        folder.join(PAGE).display(),
+        written.files.len(),
+        written.probes,
+        written.triangles
+    ));
+    Ok(())
+}
+
+/// Writes the scene as a file, and those beside it.
+fn write_file(global: &Global, args: &Args, format: Format) -> anyhow::Result<()> {
+    let extensions: &[&str] = match format {
         Format::Ply => &["ply"],
         Format::Glb => &["glb"],
         Format::Usda => &["usda", "usd"],
@@ -87,7 +146,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
     let mut document = stages.stage("read scene", || Document::read(&args.scene))?;
     let scene = args.light.lit(&mut document, LightPurpose::Export, &mut stages)?;
-    let lights = if args.to == Format::Ply { Vec::new() } else { document.lights() };
+    let lights = if format == Format::Ply { Vec::new() } else { document.lights() };
     let renderer = PanoramaRenderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;
     let mut panoramas = Vec::new();
     for &at in &args.probe_at {
@@ -98,8 +157,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     let probes: Vec<LightProbe> =
         panoramas.iter().map(|(panorama, at)| LightProbe { radiance: &panorama.radiance, position_m: *at }).collect();
-    let options =
-        Options { format: args.to, content: args.content, level: args.level, probes: &probes, lights: &lights };
+    let options = Options { format, content: args.content, level: args.level, probes: &probes, lights: &lights };
     let written = stages.stage("write", || export::write(&scene, &options, &args.out.output))?;
     if args.out.json {
         return report::print_json(&json!({

@@ -21,3 +21,4 @@ mod view;
 mod view_access;
 mod view_in_browser;
 mod view_rooms;
+mod web_page;

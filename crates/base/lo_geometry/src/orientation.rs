@@ -20,20 +20,22 @@ pub enum Orientation {
     Threejs,
     /// Blender Cycles environment texture: centre +X in Blender's own Z-up frame.
     Blender,
+    /// Unity `Skybox/Panoramic`: centre +X in Unity's own left-handed frame.
+    Unity,
 }
 
 impl Orientation {
     /// All presets, for listings.
-    pub const ALL: [Self; 4] = [Self::Lightoctree, Self::Openexr, Self::Threejs, Self::Blender];
+    pub const ALL: [Self; 5] = [Self::Lightoctree, Self::Openexr, Self::Threejs, Self::Blender, Self::Unity];
 
     /// Quarter turns about +Y from a world direction to its direction in the preset's map, read by our convention.
     ///
     /// The content of our map moves left by as many quarters of its width. Blender's importer maps our (x, y, z) to
-    /// (x, −z, y); its centre +X is therefore also our +X, as in three.js.
+    /// (x, −z, y), Unity's are (x, y, −z); their centre +X is therefore also our +X, as in three.js.
     pub fn quarter_turns(self) -> u32 {
         match self {
             Self::Lightoctree => 0,
-            Self::Threejs | Self::Blender => 1,
+            Self::Threejs | Self::Blender | Self::Unity => 1,
             Self::Openexr => 2,
         }
     }
@@ -48,11 +50,12 @@ impl Orientation {
         }
     }
 
-    /// Rotation from our world frame to the program's own. Blender's importers map (x, y, z) to (x, −z, y); the other
-    /// programs share our axes.
+    /// Matrix from our world frame to the program's own. Blender's importers map (x, y, z) to (x, −z, y); Unity's
+    /// left-handed frame has (x, y, −z), which is a reflection. The other programs share our axes.
     pub fn program_from_world(self) -> Mat3 {
         match self {
             Self::Blender => Mat3::from_cols(Vec3::X, Vec3::Z, Vec3::NEG_Y),
+            Self::Unity => Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::NEG_Z),
             Self::Lightoctree | Self::Openexr | Self::Threejs => Mat3::IDENTITY,
         }
     }
@@ -61,6 +64,7 @@ impl Orientation {
     pub fn axes(self) -> &'static str {
         match self {
             Self::Blender => "+X right, +Y ahead, +Z up",
+            Self::Unity => "+X right, +Y up, +Z ahead",
             Self::Lightoctree | Self::Openexr | Self::Threejs => "+X right, +Y up, -Z ahead",
         }
     }
@@ -91,6 +95,9 @@ mod tests {
                 let b = Vec3::new(d.x, -d.z, d.y);
                 Vec2::new((b.y.atan2(b.x) - PI) / -TAU, b.z.acos() / PI)
             }
+            // Unity, Skybox-Panoramic.shader, ToRadialCoords: u = 0.5 − atan2(z, x) / 2π, v upwards = 1 − acos(y) / π;
+            // in Unity's frame (x, y, −z)
+            Orientation::Unity => Vec2::new(0.5 - (-d.z).atan2(d.x) / TAU, d.y.acos() / PI),
         }
     }
 
@@ -102,6 +109,7 @@ mod tests {
             (Orientation::Openexr, [0.0, 0.25, 0.5, 0.75]),
             (Orientation::Threejs, [0.25, 0.5, 0.75, 0.0]),
             (Orientation::Blender, [0.25, 0.5, 0.75, 0.0]),
+            (Orientation::Unity, [0.25, 0.5, 0.75, 0.0]),
         ];
         let close = |a: f32, b: f32| ((a - b + 0.5).rem_euclid(1.0) - 0.5).abs() < 1e-6;
         for (preset, expected) in columns {
@@ -129,7 +137,7 @@ mod tests {
             let axes = format!("{} ahead", words(ahead));
             assert!(preset.axes().contains(&axes) && preset.axes().contains(&format!("{} up", words(up))), "{axes}");
             assert_eq!(program * Vec3::X, Vec3::X);
-            assert_eq!(program.determinant(), 1.0);
+            assert_eq!(program.determinant(), if preset == Orientation::Unity { -1.0 } else { 1.0 });
         }
         // Blender's own formula in Blender's own axes gives the preset's column.
         let direction = Vec3::new(0.3, 0.2, -0.9).normalize();

@@ -73,6 +73,14 @@ impl Cubemap {
         Image::from_fn(size, 6 * size, |x, y| self.faces[y / size][(x, y % size)])
     }
 
+    /// Exchanges the faces of ±Z, for programs whose +Z is our −Z, such as Unity and other users of Direct3D's cubemaps.
+    ///
+    /// The faces themselves stay: seen from inside, Direct3D's are upright as OpenEXR's are.
+    pub fn left_handed(mut self) -> Self {
+        self.faces.swap(4, 5);
+        self
+    }
+
     /// Inverse of [`Cubemap::strip`]; `None` if the image is not six times as high as wide.
     pub fn from_strip(strip: &RadianceImage) -> Option<Self> {
         let size = strip.width();

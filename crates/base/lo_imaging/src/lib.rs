@@ -76,7 +76,7 @@ pub use exr_write::{ChannelGroup, EnvironmentLayout, ExrOptions};
 pub use format::Format;
 pub use gain_map::{GainMap, GainMapParameters};
 pub use generator::GENERATOR;
-pub use main_light::{MainLight, main_light};
+pub use main_light::{MainLight, main_light, split_main_light};
 pub use partial_panorama::PartialPanorama;
 pub use perspective::{
     equirectangular_from_perspective, perspective_from_equirectangular, sample_clamped, view_rotation,

@@ -1,7 +1,9 @@
+use std::borrow::Cow;
+
 use lo_geometry::{Vec3, pixel_direction, pixel_solid_angle_sr};
 use serde::{Deserialize, Serialize};
 
-use crate::{RadianceImage, luminance, resize_equirectangular};
+use crate::{RadianceImage, Sh9, luminance, resize_equirectangular};
 
 /// The light that contributes the most power at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,16 +41,32 @@ const MAX_GAP_PX: i64 = 2;
 /// In addition, the map is first reduced to 512 columns by solid angle, and regions cross the seam, the poles and gaps
 /// of a degree. The region with the greatest ∫ luminance dω wins; an isolated hot pixel has little power.
 pub fn main_light(map: &RadianceImage) -> Option<MainLight> {
-    if map.pixels().is_empty() {
-        return None;
+    find(&working_map(map)).map(|(light, _)| light)
+}
+
+/// Splits the light of an equirectangular map into its main light ([`main_light`]) and the rest.
+///
+/// The irradiance of both together is that of the map.
+pub fn split_main_light(map: &RadianceImage) -> (Option<MainLight>, Sh9) {
+    let map = working_map(map);
+    let Some((light, region)) = find(&map) else { return (None, Sh9::project(&map)) };
+    let mut rest = map.into_owned();
+    for index in region {
+        rest.pixels_mut()[index] = [0.0; 3];
     }
-    let small;
-    let map = if map.width() > WORKING_WIDTH {
-        small = resize_equirectangular(map, WORKING_WIDTH, (map.height() * WORKING_WIDTH / map.width()).max(1));
-        &small
-    } else {
-        map
-    };
+    (Some(light), Sh9::project(&rest))
+}
+
+/// Returns the map with at most [`WORKING_WIDTH`] columns.
+fn working_map(map: &RadianceImage) -> Cow<'_, RadianceImage> {
+    if map.width() <= WORKING_WIDTH {
+        return Cow::Borrowed(map);
+    }
+    Cow::Owned(resize_equirectangular(map, WORKING_WIDTH, (map.height() * WORKING_WIDTH / map.width()).max(1)))
+}
+
+/// Finds the main light and its pixels.
+fn find(map: &RadianceImage) -> Option<(MainLight, Vec<usize>)> {
     let (width, height) = (map.width(), map.height());
     let solid_angle = |index: usize| pixel_solid_angle_sr(index / width, width, height);
     let brightness: Vec<f32> = map
@@ -77,7 +95,7 @@ pub fn main_light(map: &RadianceImage) -> Option<MainLight> {
         }
     }
     let (power, region) = best?;
-    Some(describe(map, &region, (power / total) as f32, solid_angle, flux))
+    Some((describe(map, &region, (power / total) as f32, solid_angle, flux), region))
 }
 
 /// Grows a region from the seed over bright pixels within [`MAX_GAP_PX`] of one another; marks them as taken.
@@ -194,6 +212,27 @@ mod tests {
             let share = lamp / (lamp + (4.0 * PI - solid_angle) * 0.2);
             assert!((light.share / share - 1.0).abs() < 0.02, "{place}: {} {share}", light.share);
         }
+    }
+
+    #[test]
+    fn the_main_light_and_the_rest_are_the_whole() {
+        let lamp = (Vec3::new(1.0, 2.0, 0.5), 0.15, [40.0, 30.0, 20.0]);
+        let map = room(0.3, &[lamp, (Vec3::new(-1.0, 0.2, 0.4), 0.3, [3.0, 4.0, 5.0])]);
+        let (light, rest) = split_main_light(&map);
+        let light = light.unwrap();
+        assert_eq!(Some(light), main_light(&map));
+        let (whole, direction) = (Sh9::project(&map), Vec3::from_array(light.direction));
+        for normal in lo_geometry::fibonacci_sphere(40) {
+            let (sum, expected) = (rest.irradiance(normal), whole.irradiance(normal));
+            // The cosine of a lamp on the horizon is not that of nine coefficients.
+            let of_light = Sh9::of_direction(direction, light.power).irradiance(normal);
+            for c in 0..3 {
+                assert!((sum[c] + of_light[c] - expected[c]).abs() < 0.03 * whole.irradiance(direction)[c], "{normal}");
+            }
+        }
+        // Without a light, all is the rest.
+        let (none, rest) = split_main_light(&room(0.3, &[]));
+        assert!(none.is_none() && (rest.irradiance(Vec3::Y)[0] - 0.3 * PI).abs() < 1e-3);
     }
 
     #[test]

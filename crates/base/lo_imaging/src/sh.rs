@@ -49,6 +49,11 @@ impl Sh9 {
         Self { coefficients: total.map(|rgb| rgb.map(|v| v as f32)) }
     }
 
+    /// Returns the coefficients of light from one direction, of this irradiance on a surface that faces it.
+    pub fn of_direction(direction: Vec3, irradiance: [f32; 3]) -> Self {
+        Self { coefficients: basis(direction).map(|value| irradiance.map(|e| e * value)) }
+    }
+
     /// Reconstructs the radiance from a unit direction, band-limited to nine coefficients; may be negative.
     pub fn radiance(&self, direction: Vec3) -> [f32; 3] {
         self.sum(basis(direction))

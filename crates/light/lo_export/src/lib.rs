@@ -1,11 +1,13 @@
-//! Export of scenes for other programs: PLY point clouds, glTF binaries and USD stages.
+//! Export of scenes for other programs: PLY point clouds, glTF binaries, USD stages, and web pages.
 //!
-//! All three contain the octree's leaves (or the photo's pixels) with their HDR radiance. The axes are those of our
+//! The first three contain the octree's leaves (or the photo's pixels) with their HDR radiance. The axes are those of our
 //! world frame (right-handed, +Y up, the photo's camera at the origin looks along −Z, metres) or of a levelled one.
 //!
 //! glTF and USD contain the leaves as an emissive mesh, the camera and the room's lamps. USD also contains the
 //! observed surface, textured with the photo. Light probes are written as OpenEXR files beside the scene, oriented
 //! for the format's readers.
+//!
+//! [`write_web`] writes a web page that shows objects in the photo.
 //!
 //! [`RoomFaces`] is the mesh of leaves for other uses.
 //!
@@ -34,6 +36,7 @@ mod sibling_file;
 #[cfg(test)]
 mod test_scene;
 mod usda;
+mod web;
 mod world_frame;
 
 use std::io::Write;
@@ -48,6 +51,7 @@ pub use error::ExportError;
 pub use faces::RoomFaces;
 pub use format::Format;
 pub use probe::LightProbe;
+pub use web::{WEB_PANORAMA_HEIGHT, WebGrid, WebReport, write_web};
 
 use probe::ProbeFile;
 use sibling_file::SiblingFile;

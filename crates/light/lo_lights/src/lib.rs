@@ -5,6 +5,7 @@
 //! - [`apply_edits`] applies [`LightEdits`](lo_scene::LightEdits) to the octree.
 //! - [`ImageChange`] applies them to the photo and to panoramas, which show an emitter sharper than leaves do.
 //! - [`AnalyticLights`] renders lights that are not in the octree.
+//! - [`LightEstimate`] is the light of a panorama in the layouts of AR frameworks and game engines.
 //! - [`split_octree`] splits an octree into light patches and the rest, for light sampling.
 //!
 //! Everything is linear in an emitter's light, at every position: twice the scale is twice the contribution.
@@ -17,6 +18,7 @@ mod emitters;
 mod image_change;
 mod kind;
 mod leaves;
+mod light_estimate;
 mod list;
 mod occlusion;
 mod patch;
@@ -32,6 +34,9 @@ pub use edit::{LightsError, apply_edits, lost_edits, remove_emitters};
 pub use emitters::{Emitter, emitters};
 pub use image_change::ImageChange;
 pub use kind::{LightKind, LightOrigin};
+pub use light_estimate::{
+    ArKitLightEstimate, EngineLight, LightEstimate, LightLayout, Point, UnityLightEstimate, WebXrLightEstimate,
+};
 pub use list::{ListedLight, list, list_emitters};
 pub use occlusion::unoccluded_share;
 pub use patch::{LightPatch, PatchShape};

@@ -40,13 +40,20 @@ pub struct Browser {
 impl Browser {
     /// Starts a browser without WebGL. `None` if no browser is installed, which skips `untested`; see [`program`].
     pub fn start(untested: &str) -> Option<Self> {
-        program(&NAMES, untested).map(|path| Self::launch(&path))
+        program(&NAMES, untested).map(|path| Self::launch(&path, &["--disable-gpu", "--disable-3d-apis"]))
     }
 
-    fn launch(program: &Path) -> Self {
+    /// Starts a browser with WebGL, which SwiftShader computes.
+    pub fn start_with_webgl(untested: &str) -> Option<Self> {
+        program(&NAMES, untested)
+            .map(|path| Self::launch(&path, &["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]))
+    }
+
+    fn launch(program: &Path, graphics: &[&str]) -> Self {
         let profile = tempfile::tempdir().unwrap();
         let child = std::process::Command::new(program)
-            .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-3d-apis", "--disable-dev-shm-usage"])
+            .args(["--headless=new", "--no-sandbox", "--disable-dev-shm-usage"])
+            .args(graphics)
             .args([
                 // The TLS proxy of the tests signs its own certificate.
                 "--ignore-certificate-errors",

@@ -1,0 +1,166 @@
+//! A web page that shows objects in the photo, without a server: [`write_web`].
+
+mod grid;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use lo_geometry::Orientation;
+use lo_imaging::{Photo, RadianceImage};
+use lo_scene::{LitScene, Room};
+use serde_json::json;
+
+use crate::{ExportError, header, photo_mesh};
+
+pub use grid::WebGrid;
+
+/// Height in pixels of the panoramas that the page interpolates.
+pub const WEB_PANORAMA_HEIGHT: usize = 64;
+
+/// The page itself. [`header::GENERATOR`] and the title are inserted.
+const INDEX: &str = include_str!("index.html");
+/// The page's program, with three.js inside: built by `npm run build` in `page`.
+const PROGRAM: &str = include_str!("page.js");
+const THREE_LICENSE: &str = include_str!("three-LICENSE.txt");
+
+/// Summary of a written page.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WebReport {
+    /// The page, then the files that it needs.
+    pub files: Vec<PathBuf>,
+    /// Size of all files in bytes.
+    pub bytes: u64,
+    /// Number of light probes.
+    pub probes: usize,
+    /// Number of triangles of the photo's surfaces.
+    pub triangles: usize,
+}
+
+/// Writes a page to a folder, which is created: `index.html`, its program, the room, and the licence of three.js.
+///
+/// The page shows the photo with an object that can be moved over the surfaces that the photo shows. It interpolates
+/// the light among `panoramas`, which are those of the scene at [`WebGrid::points`], in our orientation and of
+/// [`WEB_PANORAMA_HEIGHT`]. It is opened as a file or from any web server, and needs WebGL 2.
+///
+/// # Errors
+/// If no pixel of the photo has depth, or a file cannot be written.
+///
+/// # Panics
+/// If the number or the size of `panoramas` is another one.
+pub fn write_web(
+    scene: &LitScene,
+    title: &str,
+    grid: &WebGrid,
+    panoramas: &[RadianceImage],
+    folder: &Path,
+) -> Result<WebReport, ExportError> {
+    let points = grid.points();
+    assert_eq!(points.len(), panoramas.len(), "one panorama for each point of the grid");
+    let frame = &scene.frame;
+    let mesh = photo_mesh::from_frame(frame, scene.room.as_ref().and_then(Room::floor));
+    if mesh.triangles.is_empty() {
+        return Err(ExportError::Nothing(crate::Content::PhotoPoints));
+    }
+    let mut radiance = Vec::new();
+    for panorama in panoramas {
+        assert_eq!((panorama.width(), panorama.height()), (2 * WEB_PANORAMA_HEIGHT, WEB_PANORAMA_HEIGHT));
+        let turned = lo_imaging::reorient(panorama, Orientation::Lightoctree, Orientation::Threejs);
+        // Textures begin with the lowest row.
+        for row in turned.pixels().chunks(turned.width()).rev() {
+            let halves = row.iter().flatten().map(|value| half::f16::from_f32(value.min(half::f16::MAX.to_f32())));
+            radiance.extend(halves.flat_map(half::f16::to_le_bytes));
+        }
+    }
+    let free: Vec<u8> = points.iter().map(|&point| u8::from(grid::is_free(&scene.light, point))).collect();
+    let shown = if frame.exposure == 1.0 { frame.photo.srgb8() } else { Photo::Linear(frame.radiance()).into_srgb8() };
+    let photo = lo_imaging::encode_srgb8("photo.jpg", &shown, lo_imaging::JPEG_QUALITY, header::SOFTWARE)?;
+    let camera = &frame.camera;
+    let le_bytes = |values: &[f32]| BASE64.encode(bytemuck::cast_slice::<f32, u8>(values));
+    let positions: Vec<f32> = mesh.positions_m.iter().flat_map(|point| point.to_array()).collect();
+    let room = json!({
+        "generator": header::GENERATOR,
+        "photo": format!("data:image/jpeg;base64,{}", BASE64.encode(photo)),
+        "camera": {
+            "width": camera.width, "height": camera.height,
+            "fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy,
+        },
+        "up": scene.up().to_array(),
+        "mesh": {
+            "positions": le_bytes(&positions),
+            "triangles": BASE64.encode(bytemuck::cast_slice::<u32, u8>(mesh.triangles.as_flattened())),
+        },
+        "probes": {
+            "origin": grid.origin_m.to_array(),
+            "spacing": grid.spacing_m.to_array(),
+            "counts": grid.counts,
+            "size": [2 * WEB_PANORAMA_HEIGHT, WEB_PANORAMA_HEIGHT],
+            "free": BASE64.encode(&free),
+            "radiance": BASE64.encode(&radiance),
+        },
+    });
+    let index = INDEX.replace("{generator}", header::GENERATOR).replace("{title}", &escaped(title));
+    let files = [
+        ("page.js", PROGRAM.to_owned()),
+        ("room.js", format!("lightoctreeRoom = {room};\n")),
+        ("three-LICENSE.txt", THREE_LICENSE.to_owned()),
+        // Last: whoever finds it finds the others.
+        ("index.html", index),
+    ];
+    std::fs::create_dir_all(folder)?;
+    let mut report = WebReport { files: Vec::new(), bytes: 0, probes: points.len(), triangles: mesh.triangles.len() };
+    for (name, content) in files {
+        let path = folder.join(name);
+        lo_imaging::write_atomically(&path, |file| file.write_all(content.as_bytes()))?;
+        report.bytes += content.len() as u64;
+        report.files.push(path);
+    }
+    report.files.rotate_right(1);
+    Ok(report)
+}
+
+/// Replaces the characters of a text that HTML reserves.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use serde_json::Value;
+
+    use super::*;
+    use crate::test_scene::box_room;
+
+    #[test]
+    fn the_page_has_the_rooms_numbers() {
+        let scene = box_room();
+        let grid = WebGrid::of(&scene).unwrap();
+        let panorama = RadianceImage::from_fn(128, 64, |x, y| [x as f32, y as f32, 1e9]);
+        let panoramas = vec![panorama; grid.points().len()];
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path().join("new/page");
+        let report = write_web(&scene, "<room> & \"co\"", &grid, &panoramas, &folder).unwrap();
+        let index = std::fs::read_to_string(&report.files[0]).unwrap();
+        assert!(
+            index.contains("<title>&lt;room> &amp; &quot;co&quot;</title>") && index.contains("lightoctree export")
+        );
+        let text = std::fs::read_to_string(folder.join("room.js")).unwrap();
+        let json = text.strip_prefix("lightoctreeRoom = ").unwrap().trim_end().strip_suffix(';').unwrap();
+        let room: Value = serde_json::from_str(json).unwrap();
+        let bytes = |value: &Value| BASE64.decode(value.as_str().unwrap()).unwrap();
+        assert_eq!(bytes(&room["mesh"]["triangles"]).len(), 12 * report.triangles);
+        assert_eq!(bytes(&room["probes"]["free"]).len(), report.probes);
+        let halves: Vec<f32> = bytes(&room["probes"]["radiance"])
+            .chunks(2)
+            .map(|pair| half::f16::from_le_bytes([pair[0], pair[1]]).to_f32())
+            .collect();
+        assert_eq!(halves.len(), report.probes * 128 * 64 * 3);
+        // The lowest row first; the column of -Z, our 64, is that at a quarter in three.js.
+        assert_eq!(halves[3 * 32..][..3], [64.0, 63.0, 65504.0]);
+        assert_eq!(report.files.len(), 4);
+        let total: u64 = report.files.iter().map(|file| file.metadata().unwrap().len()).sum();
+        assert_eq!(report.bytes, total);
+    }
+}
