@@ -7,7 +7,7 @@ import json
 import pickle
 import struct
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -245,6 +245,29 @@ def test_exports_are_those_of_the_command(
     assert sorted(file.name for file in files) == [file.name for file in expected]
     for file in expected:
         assert (tmp_path / "own" / file.name).read_bytes() == file.read_bytes(), file.name
+
+
+def test_web_pages_are_those_of_the_command(scene: Scene, scene_file: Path, cli: Cli, tmp_path: Path) -> None:
+    cli("export", scene_file, "--to", "web", "--light", "expected", "-o", "page")
+    files = scene.export_web(tmp_path / "own", title=scene_file.stem, light="expected")
+    assert [file.name for file in files] == ["index.html", "page.js", "room.js", "three-LICENSE.txt"]
+    for file in files:
+        assert file.read_bytes() == (tmp_path / "page" / file.name).read_bytes(), file.name
+
+
+@pytest.mark.parametrize("layout", ["webxr", "arkit", "unity"])
+def test_light_estimates_are_those_of_the_command(
+    layout: Literal["webxr", "arkit", "unity"], scene: Scene, scene_file: Path, cli: Cli, tmp_path: Path
+) -> None:
+    cli("envmap", scene_file, "--at", AT_TEXT, "--level", "--light-estimate", f"{layout}:light.json", "-o", "light.exr")
+    expected = json.loads((tmp_path / "light.json").read_text())
+    assert expected.pop("generator").startswith("lightoctree envmap")
+    assert scene.light_estimate(AT, layout, level=True) == expected
+
+
+def test_unknown_layouts_of_light_are_refused(scene: Scene) -> None:
+    with pytest.raises(ValueError, match='layout must be "webxr" or "arkit" or "unity", not "arcore"'):
+        scene.light_estimate(AT, "arcore")  # type: ignore[arg-type]
 
 
 def test_exports_to_unknown_formats_are_refused(scene: Scene, tmp_path: Path) -> None:
