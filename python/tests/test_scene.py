@@ -231,6 +231,7 @@ def test_scenes_show_themselves(scene: Scene, tmp_path: Path) -> None:
     [
         ("room.glb", {}, ["--to", "glb"]),
         ("room.ply", {"light": "even"}, ["--to", "ply", "--light", "even"]),
+        ("room.usdz", {}, ["--to", "usdz"]),
         ("room.usda", {"level": True, "probes": [AT]}, ["--to", "usda", "--level", "--probe-at", AT_TEXT]),
     ],
 )
@@ -271,7 +272,7 @@ def test_unknown_layouts_of_light_are_refused(scene: Scene) -> None:
 
 
 def test_exports_to_unknown_formats_are_refused(scene: Scene, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"room.fbx: the extension must be one of .ply, .glb, .usda, .usd"):
+    with pytest.raises(ValueError, match=r"room.fbx: the extension must be one of .ply, .glb, .usda, .usd, .usdz"):
         scene.export(tmp_path / "room.fbx")
     with pytest.raises(FileNotFoundError):
         scene.export(tmp_path / "missing" / "room.glb")

@@ -24,7 +24,10 @@ impl Export {
     /// [`Failure::Argument`] if it is not that of a format.
     pub fn new(path: PathBuf, level: bool, probes: Vec<Vec3>) -> Result<Self, Failure> {
         let format = format(&path).ok_or_else(|| {
-            Failure::Argument(format!("{}: the extension must be one of .ply, .glb, .usda, .usd", path.display()))
+            Failure::Argument(format!(
+                "{}: the extension must be one of .ply, .glb, .usda, .usd, .usdz",
+                path.display()
+            ))
         })?;
         Ok(Self { path, format, level, probes })
     }
@@ -33,7 +36,7 @@ impl Export {
     pub fn write(&self, document: &Document, reporter: &mut Reporter) -> Result<Vec<PathBuf>, Failure> {
         let (scene, report) = document.lit_with_report(LightPurpose::Export)?;
         report.fit.warning().iter().for_each(|warning| reporter.warn(warning));
-        let lights = if self.format == Format::Ply { Vec::new() } else { document.lights() };
+        let lights = if matches!(self.format, Format::Ply | Format::Usdz) { Vec::new() } else { document.lights() };
         let mut panoramas = Vec::new();
         if !self.probes.is_empty() {
             let renderer = SceneRenderer::new(&scene);

@@ -212,7 +212,8 @@ impl Scene {
         lights::json(py, &estimate)
     }
 
-    /// Writes the room for other programs, as the command `export` does: .ply, .glb or .usda. Returns the files.
+    /// Writes the room for other programs, as the command `export` does: .ply, .glb, .usda or .usdz. Returns
+    /// the files.
     ///
     /// With `level`, the scene is upright, the floor is at height 0, and the camera is above the origin. `probes` are
     /// positions in the camera's frame whose panoramas are written beside the file. `light` is "even", "expected" or

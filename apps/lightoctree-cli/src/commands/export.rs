@@ -65,10 +65,11 @@ enum Target {
 }
 
 /// What scenes are converted to.
-static TARGETS: [Choice<Target>; 4] = [
+static TARGETS: [Choice<Target>; 5] = [
     ("ply", Target::File(Format::Ply), "Point cloud: MeshLab, CloudCompare, Open3D, Blender"),
     ("glb", Target::File(Format::Glb), "glTF binary: Blender, three.js, any viewer"),
     ("usda", Target::File(Format::Usda), "USD: Houdini, Nuke, Omniverse, Blender"),
+    ("usdz", Target::File(Format::Usdz), "USD package: AR Quick Look on iPhone and iPad"),
     ("web", Target::Web, "Folder with a web page that shows objects in the photo, for any browser"),
 ];
 
@@ -141,12 +142,16 @@ fn write_file(global: &Global, args: &Args, format: Format) -> anyhow::Result<()
         Format::Ply => &["ply"],
         Format::Glb => &["glb"],
         Format::Usda => &["usda", "usd"],
+        Format::Usdz => &["usdz"],
     };
+    if format == Format::Usdz && !args.probe_at.is_empty() {
+        return Err(Usage("--probe-at has no effect with --to usdz".into()).into());
+    }
     output::check_outputs(&[(&args.out.output, extensions)], COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
     let mut document = stages.stage("read scene", || Document::read(&args.scene))?;
     let scene = args.light.lit(&mut document, LightPurpose::Export, &mut stages)?;
-    let lights = if format == Format::Ply { Vec::new() } else { document.lights() };
+    let lights = if matches!(format, Format::Ply | Format::Usdz) { Vec::new() } else { document.lights() };
     let renderer = PanoramaRenderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;
     let mut panoramas = Vec::new();
     for &at in &args.probe_at {

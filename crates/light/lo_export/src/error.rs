@@ -6,7 +6,7 @@ use crate::Content;
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The name is not that of a format.
-    #[error("unknown export format {0:?}; supported are ply, glb and usda")]
+    #[error("unknown export format {0:?}; supported are ply, glb, usda and usdz")]
     UnknownFormat(String),
     /// There is nothing to write.
     #[error("{}", match .0 {
@@ -14,6 +14,9 @@ pub enum ExportError {
         Content::PhotoPoints => "the scene's depth map has no readings; there are no photo points to export",
     })]
     Nothing(Content),
+    /// The format shows no points.
+    #[error("AR Quick Look shows no points: export the leaves as usdz, or the points as usda")]
+    NoPoints,
     /// A value is NaN or infinite.
     #[error("the {value} of {what} {index} is not finite; the scene is damaged", what = match .content {
         Content::Leaves => "leaf",

@@ -12,11 +12,13 @@ pub enum Format {
     Glb,
     /// USD as text: points, camera, dome light, lamps.
     Usda,
+    /// USD package for AR Quick Look: the meshes with textures of eight bits, always level if gravity is known.
+    Usdz,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 3] = [Self::Ply, Self::Glb, Self::Usda];
+    pub const ALL: [Self; 4] = [Self::Ply, Self::Glb, Self::Usda, Self::Usdz];
 }
 
 impl fmt::Display for Format {
@@ -25,6 +27,7 @@ impl fmt::Display for Format {
             Self::Ply => "ply",
             Self::Glb => "glb",
             Self::Usda => "usda",
+            Self::Usdz => "usdz",
         })
     }
 }

@@ -1,4 +1,4 @@
-//! Export of scenes for other programs: PLY point clouds, glTF binaries, USD stages, and web pages.
+//! Export of scenes for other programs: PLY point clouds, glTF binaries, USD stages and packages, and web pages.
 //!
 //! The first three contain the octree's leaves (or the photo's pixels) with their HDR radiance. The axes are those of our
 //! world frame (right-handed, +Y up, the photo's camera at the origin looks along −Z, metres) or of a levelled one.
@@ -36,15 +36,16 @@ mod sibling_file;
 #[cfg(test)]
 mod test_scene;
 mod usda;
+mod usdz;
 mod web;
 mod world_frame;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use lo_imaging::{ExrOptions, Photo, RadianceImage};
+use lo_imaging::{ExrOptions, Image, Photo, RadianceImage};
 use lo_lights::ListedLight;
-use lo_scene::LitScene;
+use lo_scene::{Frame, LitScene};
 
 pub use content::Content;
 pub use error::ExportError;
@@ -115,11 +116,15 @@ pub fn write(scene: &LitScene, options: &Options, path: impl AsRef<Path>) -> Res
             return Err(ExportError::NotFinite { content, index, value });
         }
     }
-    let level = if options.level { WorldFrame::of(scene.room.as_ref())? } else { WorldFrame::CAMERA };
+    if format == Format::Usdz && content == Content::PhotoPoints {
+        return Err(ExportError::NoPoints);
+    }
+    let is_level = options.level || (format == Format::Usdz && scene.room.is_some());
+    let level = if is_level { WorldFrame::of(scene.room.as_ref())? } else { WorldFrame::CAMERA };
     let probe = |(index, probe): (usize, &LightProbe)| ProbeFile::beside(path, index, format, *probe, level);
     let probes: Vec<ProbeFile> = options.probes.iter().enumerate().map(probe).collect::<Result<_, _>>()?;
     let mut lamps = match format {
-        Format::Ply => Vec::new(),
+        Format::Ply | Format::Usdz => Vec::new(),
         Format::Glb | Format::Usda => {
             let places = lit_side::places(&scene.frame);
             lamps::find_lamps(&lit_side::lit_sides(&scene.light, &leaves, lamps::WHITE, &places))
@@ -133,7 +138,7 @@ pub fn write(scene: &LitScene, options: &Options, path: impl AsRef<Path>) -> Res
     }
     let kept = lamps::face_emission(&leaves, &lamps);
     // Added lights have no leaves; their lamps have all of their light.
-    if let Some(edited) = scene.edited.as_ref().filter(|_| format != Format::Ply) {
+    if let Some(edited) = scene.edited.as_ref().filter(|_| matches!(format, Format::Glb | Format::Usda)) {
         let mut added = lamps::added_lamps(&edited.lights);
         names::name_added(&mut added, options.lights);
         lamps.extend(added);
@@ -179,6 +184,7 @@ pub fn write(scene: &LitScene, options: &Options, path: impl AsRef<Path>) -> Res
             }
         }
         .into_bytes(),
+        Format::Usdz => usdz::encode(scene, room.ok_or(ExportError::NoPoints)?, level)?,
     };
     for probe in &probes {
         probe.write()?;
@@ -187,6 +193,11 @@ pub fn write(scene: &LitScene, options: &Options, path: impl AsRef<Path>) -> Res
     report.bytes = bytes.len() as u64;
     lo_imaging::write_atomically(path, |file| file.write_all(&bytes))?;
     Ok(report)
+}
+
+/// Returns the photo with its exposure, as screens show it.
+fn shown_photo(frame: &Frame) -> Image<[u8; 3]> {
+    if frame.exposure == 1.0 { frame.photo.srgb8() } else { Photo::Linear(frame.radiance()).into_srgb8() }
 }
 
 /// Encodes the room's stage with `encode` and writes its textures. `restored` is the photo's radiance with restored
@@ -258,7 +269,7 @@ mod tests {
             assert_eq!(format.to_string().to_uppercase().parse::<Format>().unwrap(), format);
         }
         let error = "obj".parse::<Format>().unwrap_err().to_string();
-        assert_eq!(error, "unknown export format \"obj\"; supported are ply, glb and usda");
+        assert_eq!(error, "unknown export format \"obj\"; supported are ply, glb, usda and usdz");
     }
 
     #[test]
@@ -266,7 +277,7 @@ mod tests {
         let scene = box_room();
         let folder = tempfile::tempdir().unwrap();
         let panorama = RadianceImage::new(8, 4, vec![[1.0; 3]; 32]);
-        for format in Format::ALL {
+        for format in [Format::Ply, Format::Glb, Format::Usda] {
             for (content, points) in [(Content::Leaves, 296), (Content::PhotoPoints, 47)] {
                 for probes in [0, 2] {
                     let probes = &[LightProbe { radiance: &panorama, position_m: Vec3::ONE }; 2][..probes];

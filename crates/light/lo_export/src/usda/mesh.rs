@@ -8,10 +8,19 @@ use crate::photo_mesh::PhotoMesh;
 use crate::points::Point;
 use crate::room_mesh::RoomMesh;
 
+/// The visible sides of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sides {
+    /// Both.
+    Both,
+    /// Those that face the room: from outside one looks through its walls.
+    Inner,
+}
+
 /// Encodes the room: quads with the texture of an [`Atlas`].
-pub fn room(mesh: &RoomMesh, material: &str) -> String {
+pub fn room(mesh: &RoomMesh, material: &str, sides: Sides) -> String {
     let atlas = Atlas::new(mesh.quads.len());
-    let mut text = head("Room", &mesh.positions_m, material);
+    let mut text = head("Room", &mesh.positions_m, material, sides);
     text += &array("    int[] faceVertexCounts", "", mesh.quads.iter().map(|_| 4));
     text += &array("    int[] faceVertexIndices", "", mesh.quads.iter().flatten());
     text += &array("    point3f[] points", "", mesh.positions_m.iter().map(|p| triple(p.to_array())));
@@ -21,8 +30,8 @@ pub fn room(mesh: &RoomMesh, material: &str) -> String {
 }
 
 /// Encodes the observed surface.
-pub fn photo(mesh: &PhotoMesh, material: &str) -> String {
-    let mut text = head("Photo", &mesh.positions_m, material);
+pub fn photo(mesh: &PhotoMesh, material: &str, sides: Sides) -> String {
+    let mut text = head("Photo", &mesh.positions_m, material, sides);
     text += &array("    int[] faceVertexCounts", "", mesh.triangles.iter().map(|_| 3));
     text += &array("    int[] faceVertexIndices", "", mesh.triangles.iter().flatten());
     text += &array("    point3f[] points", "", mesh.positions_m.iter().map(|p| triple(p.to_array())));
@@ -47,7 +56,7 @@ pub fn shadow_catcher(photo: &str, scale: f32, material: &str) -> String {
     )
 }
 
-fn head(name: &str, positions_m: &[Vec3], material: &str) -> String {
+fn head(name: &str, positions_m: &[Vec3], material: &str, sides: Sides) -> String {
     let least = positions_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
     let most = positions_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
     format!(
@@ -55,10 +64,11 @@ fn head(name: &str, positions_m: &[Vec3], material: &str) -> String {
     prepend apiSchemas = ["MaterialBindingAPI"]
 )
 {{
-    uniform bool doubleSided = 1
+    uniform bool doubleSided = {}
     float3[] extent = [{}, {}]
     rel material:binding = <{material}>
 "#,
+        u8::from(sides == Sides::Both),
         triple(least.to_array()),
         triple(most.to_array())
     )

@@ -15,6 +15,7 @@ use crate::points::Point;
 use crate::probe::ProbeFile;
 use crate::room_mesh::RoomMesh;
 use crate::world_frame::WorldFrame;
+use mesh::Sides;
 use text::{indented, matrix};
 
 /// Paths of the camera's frame and of the materials.
@@ -120,10 +121,46 @@ def Xform "Scene" (
     text + "    }\n}\n"
 }
 
+/// Encodes the meshes alone, for AR Quick Look: `textures` are those of the room and of the photo, in sRGB.
+pub(crate) fn encode_for_ar(room: &RoomMesh, photo: &PhotoMesh, textures: [&str; 2], level: WorldFrame) -> String {
+    let names = ["Room", "Photo"];
+    let [of_room, of_photo] = names.map(|name| format!("/Scene/Materials/{name}"));
+    let mut body = format!(
+        "matrix4d xformOp:transform = {}\nuniform token[] xformOpOrder = [\"xformOp:transform\"]\n\n",
+        matrix(level.columns())
+    );
+    body += &mesh::room(room, &of_room, Sides::Inner);
+    body += &mesh::photo(photo, &of_photo, Sides::Inner);
+    let mut materials = String::new();
+    for (name, texture) in names.into_iter().zip(textures) {
+        materials += &mesh::emitting("/Scene/Materials", name, texture, "sRGB");
+    }
+    body += &format!("def Scope \"Materials\"\n{{\n{}\n}}\n", indented(&materials).trim_end());
+    format!(
+        r#"#usda 1.0
+(
+    customLayerData = {{
+        string generator = "{GENERATOR}"
+    }}
+    defaultPrim = "Scene"
+    metersPerUnit = 1
+    upAxis = "Y"
+)
+
+def Xform "Scene" (
+    kind = "component"
+)
+{{
+{}}}
+"#,
+        indented(&body)
+    )
+}
+
 fn room(meshes: &Meshes, camera: &Camera) -> String {
     let material = |name: &str| format!("{MATERIALS}/{name}");
-    let mut text = mesh::room(meshes.room, &material("Radiance"));
-    text += &mesh::photo(meshes.photo, &material("Seen"));
+    let mut text = mesh::room(meshes.room, &material("Radiance"), Sides::Both);
+    text += &mesh::photo(meshes.photo, &material("Seen"), Sides::Both);
     text += &mesh::shadow_catcher(&format!("{WORLD}/Photo"), CATCHER_SCALE, &material("Grey"));
     text += &camera::backdrop(camera, meshes.beyond_m, &material("Photo"));
     let mut materials = String::new();

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use lo_geometry::Orientation;
-use lo_imaging::{Photo, RadianceImage};
+use lo_imaging::RadianceImage;
 use lo_scene::{LitScene, Room};
 use serde_json::json;
 
@@ -75,7 +75,8 @@ pub fn write_web(
     }
     let free: Vec<u8> = points.iter().map(|&point| u8::from(grid::is_free(&scene.light, point))).collect();
     let shown = if frame.exposure == 1.0 { frame.photo.srgb8() } else { Photo::Linear(frame.radiance()).into_srgb8() };
-    let photo = lo_imaging::encode_srgb8("photo.jpg", &shown, lo_imaging::JPEG_QUALITY, header::SOFTWARE)?;
+    let photo =
+        lo_imaging::encode_srgb8("photo.jpg", &crate::shown_photo(frame), lo_imaging::JPEG_QUALITY, header::SOFTWARE)?;
     let camera = &frame.camera;
     let le_bytes = |values: &[f32]| BASE64.encode(bytemuck::cast_slice::<f32, u8>(values));
     let positions: Vec<f32> = mesh.positions_m.iter().flat_map(|point| point.to_array()).collect();
