@@ -241,14 +241,14 @@ impl Scene {
     /// the files.
     ///
     /// `light` is "even", "expected" or "plausible"; by default that of the scene, else "plausible".
-    #[pyo3(signature = (folder, *, title = "", light = None), text_signature = "($self, folder, *, title='', light=None)")]
+    #[pyo3(signature = (folder, *, title = String::new(), light = None), text_signature = "($self, folder, *, title='', light=None)")]
     fn export_web(&self, py: Python<'_>, folder: PathBuf, title: &str, light: Option<&str>) -> PyResult<Vec<PathBuf>> {
         let mut document = self.document(py);
         choose_light(&mut document, light)?;
         job::run(py, Handler::Silent, move |reporter| {
             let (scene, report) = document.lit_with_report(LightPurpose::Export)?;
             report.fit.warning().iter().for_each(|warning| reporter.warn(warning));
-            Ok(export_web(&scene, title, &folder, &mut |event| reporter.handle(event))?.files)
+            Ok(export_web(&scene, &title, &folder, &mut |event| reporter.handle(event))?.files)
         })
     }
 

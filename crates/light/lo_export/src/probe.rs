@@ -54,7 +54,9 @@ impl ProbeFile {
         }
         let (orientation, convention) = match format {
             Format::Glb => (Orientation::Threejs, "equirectangular, centre +X, +Y up (three.js)"),
-            Format::Ply | Format::Usda => (Orientation::Openexr, "equirectangular, centre +Z, +Y up (OpenEXR, USD)"),
+            Format::Ply | Format::Usda | Format::Usdz => {
+                (Orientation::Openexr, "equirectangular, centre +Z, +Y up (OpenEXR, USD)")
+            }
         };
         let panorama = if level == WorldFrame::CAMERA {
             lo_imaging::reorient(probe.radiance, Orientation::Lightoctree, orientation)

@@ -74,7 +74,6 @@ pub fn write_web(
         }
     }
     let free: Vec<u8> = points.iter().map(|&point| u8::from(grid::is_free(&scene.light, point))).collect();
-    let shown = if frame.exposure == 1.0 { frame.photo.srgb8() } else { Photo::Linear(frame.radiance()).into_srgb8() };
     let photo =
         lo_imaging::encode_srgb8("photo.jpg", &crate::shown_photo(frame), lo_imaging::JPEG_QUALITY, header::SOFTWARE)?;
     let camera = &frame.camera;
