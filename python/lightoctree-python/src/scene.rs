@@ -242,7 +242,13 @@ impl Scene {
     ///
     /// `light` is "even", "expected" or "plausible"; by default that of the scene, else "plausible".
     #[pyo3(signature = (folder, *, title = String::new(), light = None), text_signature = "($self, folder, *, title='', light=None)")]
-    fn export_web(&self, py: Python<'_>, folder: PathBuf, title: &str, light: Option<&str>) -> PyResult<Vec<PathBuf>> {
+    fn export_web(
+        &self,
+        py: Python<'_>,
+        folder: PathBuf,
+        title: String,
+        light: Option<&str>,
+    ) -> PyResult<Vec<PathBuf>> {
         let mut document = self.document(py);
         choose_light(&mut document, light)?;
         job::run(py, Handler::Silent, move |reporter| {
