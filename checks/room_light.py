@@ -70,8 +70,9 @@ def make(arguments, way, at):
     scene.room_light.photo, scene.room_light.depth = os.path.abspath(arguments.photo), arguments.depth
     bpy.ops.room_light.make_room()
     room = scene.room_light.active
-    up = room.room_light.root.matrix_world.to_3x3().inverted() @ Vector((0, 0, 1))
-    centre = room.room_light.root.matrix_world @ (Vector(at) + RADIUS_M * up)
+    root = bpy.data.objects[f"{room.name} World"]
+    up = root.matrix_world.to_3x3().inverted() @ Vector((0, 0, 1))
+    centre = root.matrix_world @ (Vector(at) + RADIUS_M * up)
     bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=RADIUS_M, location=centre)
     bpy.ops.object.shade_smooth()
     ball = bpy.context.object

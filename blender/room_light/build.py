@@ -2,26 +2,33 @@
 
 import bpy
 
-from . import compositing, lighting
-from .names import ROLE, SCENE
+from .names import MADE, ROLE, ROOM, SCENE, SHARED, all_rooms, is_empty_room
 
 # What the objects of an exported room are for, by their names in the file.
 ROLES = ("Scene", "World", "Camera", "Room", "Photo", "Lamp", "ShadowCatcher", "Backdrop", "Materials")
 # Blender reads a distant light four times as strong as USD defines it.
 SUN_SCALE = 0.25
+# Maximum length of a room's name.
+NAME_BYTES = 40
 
 
 def build(context, room):
     """Imports the room into a new collection of the scene and returns it."""
-    collection = bpy.data.collections.new(room.name)
-    context.scene.collection.children.link(collection)
+    scene = context.scene
+    collection = bpy.data.collections.new(shortened(room.name))
+    scene.collection.children.link(collection)
     try:
         objects = imported(context, collection, room.usd)
-        fill(collection, objects, room)
+        fill(collection, objects, room, 1.0 / scene.unit_settings.scale_length)
     except Exception:
-        remove(collection)
+        remove(scene, collection)
         raise
     return collection
+
+
+def shortened(name):
+    """Leaves room for what is appended to a name: Blender cuts names after 63 bytes."""
+    return name.encode()[:NAME_BYTES].decode(errors="ignore")
 
 
 def imported(context, collection, usd):
@@ -62,39 +69,45 @@ def layer_collection(within, collection):
     return next((child for child in found if child is not None), None)
 
 
-def fill(collection, objects, room):
-    """Sets what USD cannot store: names, visibility, the photo behind the camera, the room's file."""
+def fill(collection, objects, room, units_per_m):
+    """Sets what USD cannot store: names, visibility, the photo behind the camera, the unit, the room's file."""
+    name = shortened(room.name)
     made = {}
     for thing in objects:
         role = next(role for role in ROLES if thing.name.startswith(role))
         made.setdefault(role, []).append(thing)
     [backdrop], [folder] = made.pop("Backdrop"), made.pop("Materials")
     photo = image_of(backdrop)
-    photo.name = room.name
+    photo.name, photo[MADE] = name, ROOM
     discard(backdrop)
     bpy.data.objects.remove(folder)
     for role, things in made.items():
         for thing in things:
             thing[ROLE] = role
-            thing.name = f"{room.name} {thing.name.split('.')[0]}"
+            thing.name = f"{name} {thing.name.split('.')[0]}"
+            if thing.data is not None:
+                thing.data[MADE] = ROOM
             for slot in thing.material_slots:
-                slot.material.name = f"{room.name} {slot.material.name.split('.')[0]}"
-    [camera], [root] = made["Camera"], made["World"]
+                slot.material.name = f"{name} {slot.material.name.split('.')[0]}"
+                slot.material[MADE] = ROOM
+    [top], [camera] = made["Scene"], made["Camera"]
     show_behind(camera.data, photo)
     prepare_surfaces(made)
     for lamp in made.get("Lamp", []):
         lamp.data.name = lamp.name
         if lamp.data.type == "SUN":
             lamp.data.energy *= SUN_SCALE
+        else:
+            # Watts at a distance in units.
+            lamp.data.energy *= units_per_m**2
+    top.scale = [units_per_m * factor for factor in top.scale]
+    camera.data.clip_start *= units_per_m
+    camera.data.clip_end *= units_per_m
     collection[SCENE] = room.scene.to_bytes()
     properties = collection.room_light
     properties.is_room = True
-    properties.is_level = room.is_level
-    properties.root, properties.camera, properties.photo = root, camera, photo
+    properties.photo = photo
     properties.inferred = room.light
-    properties.world = lighting.new_world(room.name)
-    properties.compositing = compositing.over_photo(room.name, photo)
-    properties.shading = compositing.shaded_photo(room.name, photo)
 
 
 def prepare_surfaces(made):
@@ -145,39 +158,64 @@ def discard(thing):
             bpy.data.materials.remove(material)
 
 
-def remove(collection):
-    """Removes a room with all that it consists of. Objects that the user put into its collection stay in the scene."""
-    room = collection.room_light
-    extra = [room.empty, room.world, room.compositing, room.shading]
-    images = {room.photo} if room.photo else set()
-    if room.world is not None:
-        images |= lighting.images(room.world)
-    made = []
-    for thing in list(collection.all_objects):
-        if ROLE in thing:
-            made.append(thing)
-            images |= {slot_image for slot_image in images_of(thing)}
-        else:
-            for scene in thing.users_scene:
-                if thing.name not in scene.collection.objects:
-                    scene.collection.objects.link(thing)
-    blocks = [(thing.data, [slot.material for slot in thing.material_slots]) for thing in made]
+def remove(scene, collection):
+    """Removes a room from a scene, with all that it consists of.
+
+    What the user put into its collection, or made a child of its objects, stays in the scene where it is. A room that
+    is in another scene, too, is only unlinked.
+    """
+    if other_scenes(scene, collection):
+        scene.collection.children.unlink(collection)
+        return
+    made = [thing for thing in collection.objects if ROLE in thing]
+    for thing in bpy.data.objects:
+        if thing.parent in made and thing not in made:
+            place = thing.matrix_world.copy()
+            thing.parent = None
+            thing.matrix_world = place
+    for thing in collection.objects:
+        if thing not in made and thing.name not in scene.collection.objects:
+            scene.collection.objects.link(thing)
+    for child in collection.children:
+        if child.name not in scene.collection.children:
+            scene.collection.children.link(child)
+    images = {image for thing in made for image in images_of(thing)}
     bpy.data.batch_remove(made)
-    materials = {material for _, used in blocks for material in used if material is not None}
-    unused = [data for data in {data for data, _ in blocks if data is not None} if data.users == 0]
-    bpy.data.batch_remove(unused)
-    bpy.data.batch_remove([material for material in materials if material.users == 0])
     bpy.data.collections.remove(collection)
-    bpy.data.batch_remove([block for block in extra if block is not None])
-    bpy.data.batch_remove([image for image in images if image.users == 0])
+    sweep()
+    remove_unused(images)
+
+
+def check_removable(scene, collection):
+    """Raises ValueError if removing a room would remove it from another scene, too."""
+    others = other_scenes(scene, collection)
+    if others and collection.name not in scene.collection.children:
+        raise ValueError(f"The room is in the scene {others[0].name!r}, too: remove its collection by hand")
+
+
+def other_scenes(scene, collection):
+    """Returns the other scenes that contain a room."""
+    others = (other for other in bpy.data.scenes if other != scene and not is_empty_room(other))
+    return [other for other in others if collection in other.collection.children_recursive]
+
+
+def sweep():
+    """Removes what was made for rooms, and to which no room refers any more."""
+    needed = {getattr(room.room_light, name) for room in all_rooms() for name in SHARED}
+    # Also those whose room the user deleted by hand.
+    for scene in [scene for scene in bpy.data.scenes if is_empty_room(scene) and scene not in needed]:
+        bpy.data.scenes.remove(scene)
+    for blocks in (bpy.data.node_groups, bpy.data.worlds):
+        bpy.data.batch_remove([block for block in blocks if block.get(MADE) == ROOM and block not in needed])
+    for blocks in (bpy.data.meshes, bpy.data.lights, bpy.data.cameras, bpy.data.materials, bpy.data.images):
+        remove_unused(block for block in blocks if block.get(MADE) == ROOM)
+
+
+def remove_unused(blocks):
+    bpy.data.batch_remove([block for block in blocks if block.users == 0])
 
 
 def images_of(thing):
     for slot in thing.material_slots:
         if slot.material is not None and slot.material.node_tree is not None:
             yield from (node.image for node in slot.material.node_tree.nodes if node.type == "TEX_IMAGE" and node.image)
-
-
-def rooms(scene):
-    """The collections of the scene's rooms."""
-    return [collection for collection in scene.collection.children_recursive if collection.room_light.is_room]

@@ -7,12 +7,32 @@ objects divided by the surfaces without (Debevec 1998, differential rendering); 
 import bpy
 
 from . import empty
-from .names import COMPOSITOR
+from .names import MADE, ROOM, part, photo
 
 # Since 5.0, a scene's compositor is a node group, which other scenes can use.
 HAS_GROUPS = bpy.app.version >= (5, 0, 0)
 # Added to both sides of the ratio, which is 1 where there are no surfaces.
 DARK = 1e-4
+# The value of `MADE` for compositors. Their nodes have what they do.
+COMPOSITOR = "compositor"
+INPUT, OVER, OUTPUT = "input", "over", "output"
+OUTPUT_NODE = "NodeGroupOutput" if HAS_GROUPS else "CompositorNodeComposite"
+# The nodes that Blender gives to a new compositor before 5.0, one of each.
+DEFAULT_NODES = {"CompositorNodeComposite", "CompositorNodeRLayers", "CompositorNodeViewer", "NodeReroute"}
+
+
+def group_of(scene, collection):
+    """Returns the node group of the room for the scene's engine and size. That of each engine is made if necessary."""
+    room = collection.room_light
+    if room.compositing is None:
+        room.compositing = over_photo(collection.name, photo(collection))
+    if room.shading is None:
+        room.shading = shaded_photo(collection.name, photo(collection))
+    for group in (room.compositing, room.shading):
+        scale = photo_scale(group)
+        if scale is not None:
+            set_framing(scale, framing(scene, collection))
+    return room.compositing if scene.render.engine == "CYCLES" else room.shading
 
 
 def over_photo(name, photo):
@@ -52,6 +72,7 @@ def shaded_photo(name, photo):
 
 def new_group(name, inputs):
     group = bpy.data.node_groups.new(name, "CompositorNodeTree")
+    group[MADE] = ROOM
     for name in inputs:
         kind = "NodeSocketFloat" if name == "Alpha" else "NodeSocketColor"
         group.interface.new_socket(name, in_out="INPUT", socket_type=kind)
@@ -74,7 +95,7 @@ class Nodes:
         self.tree.links.new(output, input)
 
     def photo(self, photo):
-        """The photo at the render's size."""
+        """The photo, as wide or as high as the render."""
         image, scale = self.new("CompositorNodeImage"), self.new("CompositorNodeScale")
         image.image = photo
         if HAS_GROUPS:
@@ -97,84 +118,151 @@ class Nodes:
             self.link(second, by_name["B_Color"])
         return next(socket for socket in node.outputs if socket.identifier == "Result_Color")
 
-    def render(self, scene, layer):
+    def layer(self, scene, layer):
         node = self.new("CompositorNodeRLayers")
-        node.scene, node.layer = scene, layer
+        node[MADE], node.scene, node.layer = INPUT, scene, layer.name
         return node.outputs
 
 
-def connect(scene, room):
-    """Makes a room's group the scene's compositor. Returns the group, and whether the compositor was free."""
-    is_eevee = scene.render.engine != "CYCLES"
-    group = room.shading if is_eevee else room.compositing
+def framing(scene, collection):
+    """Returns how the photo is brought to the render's size, as the camera is: its width or its height stays."""
+    width, height = photo(collection).size
+    is_wider = scene.render.resolution_x * height > scene.render.resolution_y * width
+    fits_width = part(collection, "Camera").data.sensor_fit != "VERTICAL"
+    return "CROP" if is_wider == fits_width else "FIT"
+
+
+def photo_scale(group):
+    """Returns the node that scales the photo, or None."""
+    return next((node for node in group.nodes if node.bl_idname == "CompositorNodeScale"), None)
+
+
+def set_framing(scale, framing):
+    if HAS_GROUPS:
+        scale.inputs["Frame Type"].default_value = framing.capitalize()
+    else:
+        scale.frame_method = framing
+
+
+def get_framing(scale):
+    return scale.inputs["Frame Type"].default_value.upper() if HAS_GROUPS else scale.frame_method
+
+
+def connect(scene, collection):
+    """Puts a room's group into the scene's compositor, in the place of the former room's. Nodes of the user stay.
+
+    Returns what the user has to do.
+    """
+    group = group_of(scene, collection)
     if not is_free(scene):
-        return group, False
+        return [f"The scene has compositor nodes: put the node group {group.name!r} before the output"]
     scene.render.use_compositing = True
     tree = own_tree(scene)
-    tree.nodes.clear()
+    targets = remove_own(tree)
     nodes = Nodes(tree)
-    own = nodes.render(scene, empty.main_layer(scene).name)
     over = nodes.new("CompositorNodeGroup")
-    over.node_tree = group
-    over.label = group.name
-    if is_eevee:
-        objects = nodes.render(scene, empty.OBJECTS)
-        without = nodes.render(room.empty, room.empty.view_layers[0].name)
+    over.node_tree, over.label, over[MADE] = group, group.name, OVER
+    own = nodes.layer(scene, empty.main_layer(scene))
+    if group == collection.room_light.shading:
+        objects = nodes.layer(scene, scene.view_layers[empty.OBJECTS])
+        bare = collection.room_light.empty
+        without = nodes.layer(bare, bare.view_layers[0])
         for output, name in [(objects["Image"], "Objects"), (objects["Alpha"], "Alpha"), (own["Image"], "With")]:
             nodes.link(output, over.inputs[name])
         nodes.link(without["Image"], over.inputs["Without"])
     else:
         nodes.link(own["Image"], over.inputs["Image"])
-    output = nodes.new("NodeGroupOutput" if HAS_GROUPS else "CompositorNodeComposite")
-    nodes.link(over.outputs[0], output.inputs[0])
-    return group, True
+    if not targets:
+        output = nodes.new(OUTPUT_NODE)
+        output[MADE] = OUTPUT
+        targets = [output.inputs[0]]
+    for target in targets:
+        nodes.link(over.outputs[0], target)
+    return []
 
 
 def disconnect(scene):
-    """Leaves the scene without compositor if it is a room's."""
+    """Removes a room's nodes from the scene's compositor, which is left without them only if the user added some."""
     if not is_rooms(scene):
         return
-    if HAS_GROUPS:
-        tree, scene.compositing_node_group = scene.compositing_node_group, None
+    tree = current(scene)
+    targets = remove_own(tree)
+    del tree[MADE]
+    has_others = any(MADE not in node for node in tree.nodes)
+    if not has_others and HAS_GROUPS:
         bpy.data.node_groups.remove(tree)
-    else:
-        scene.node_tree.nodes.clear()
-        del scene.node_tree[COMPOSITOR]
+        return
+    nodes = Nodes(tree)
+    render = nodes.layer(scene, empty.main_layer(scene))
+    for target in targets:
+        nodes.link(render["Image"], target)
+    for node in tree.nodes:
+        if MADE in node:
+            del node[MADE]
+    if not has_others:
         scene.use_nodes = False
+
+
+def remove_own(tree):
+    """Removes a room's nodes but the output. Returns to what they were linked."""
+    over = next((node for node in tree.nodes if node.get(MADE) == OVER), None)
+    last = next((node for node in tree.nodes if node.get(MADE) == OUTPUT), None)
+    # A node without its group has no sockets.
+    targets = [link.to_socket for output in over.outputs for link in output.links] if over else []
+    if not targets and last:
+        targets = [last.inputs[0]]
+    for node in [node for node in tree.nodes if node.get(MADE) in (INPUT, OVER)]:
+        tree.nodes.remove(node)
+    return targets
 
 
 def own_tree(scene):
     """Returns the scene's compositor, which is made if necessary."""
-    if not HAS_GROUPS:
+    if is_rooms(scene):
+        return current(scene)
+    if HAS_GROUPS:
+        tree = scene.compositing_node_group = new_group("Room Light", [])
+    else:
         scene.use_nodes = True
-        scene.node_tree[COMPOSITOR] = True
-        return scene.node_tree
-    if scene.compositing_node_group is None:
-        tree = new_group("Room Light", [])
-        tree[COMPOSITOR] = True
-        scene.compositing_node_group = tree
-    return scene.compositing_node_group
+        tree = scene.node_tree
+        tree.nodes.clear()
+    tree[MADE] = COMPOSITOR
+    return tree
 
 
 def is_free(scene):
-    return current(scene) is None or is_rooms(scene)
+    """Returns whether the scene has no compositor of the user."""
+    tree = current(scene)
+    if tree is None or is_rooms(scene):
+        return True
+    return not HAS_GROUPS and not scene.use_nodes and is_default(tree)
+
+
+def is_default(tree):
+    """Returns whether a compositor is as Blender makes it, before 5.0."""
+    kinds = {node.bl_idname for node in tree.nodes}
+    return len(kinds) == len(tree.nodes) and kinds <= DEFAULT_NODES
 
 
 def is_rooms(scene):
     """Returns whether the compositor is a room's."""
     tree = current(scene)
-    return tree is not None and bool(tree.get(COMPOSITOR))
+    return tree is not None and tree.get(MADE) == COMPOSITOR
 
 
 def current(scene):
-    """Returns the scene's compositor, if it has one in use."""
-    if HAS_GROUPS:
-        return scene.compositing_node_group
-    return scene.node_tree if scene.use_nodes else None
+    """Returns the scene's compositor, or None."""
+    return scene.compositing_node_group if HAS_GROUPS else scene.node_tree
 
 
-def is_for_cycles(scene, room):
-    """Returns whether the compositor puts a render of Cycles over the photo."""
-    tree = current(scene)
-    groups = [node.node_tree for node in tree.nodes if node.bl_idname == "CompositorNodeGroup"] if tree else []
-    return room.shading not in groups
+def is_current(scene, collection):
+    """Returns whether the room's group is connected, and is the one for the scene's engine and size."""
+    if not is_rooms(scene):
+        return True
+    room = collection.room_light
+    group = room.compositing if scene.render.engine == "CYCLES" else room.shading
+    over = next((node for node in current(scene).nodes if node.get(MADE) == OVER), None)
+    if group is None or over is None or over.node_tree != group:
+        return False
+    scale = photo_scale(group)
+    return scale is None or get_framing(scale) == framing(scene, collection)

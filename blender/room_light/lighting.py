@@ -7,7 +7,7 @@ import lightoctree
 import numpy as np
 from mathutils import Matrix, Vector
 
-from .names import ROLE, SCENE
+from .names import MADE, ROLE, ROOM, SCENE, is_shared, part, photo
 
 # Height of the default place above its surface.
 ABOVE_M = 0.15
@@ -15,38 +15,48 @@ ABOVE_M = 0.15
 SUN_THRESHOLD = 2.0
 # Width of a panorama in pixels; the height is half of it.
 WIDTH = 1024
+# A world's nodes, from the first to the last.
+NODES = ("TexCoord", "Mapping", "TexEnvironment", "Background", "OutputWorld")
 # From the camera's frame, +Y up and −Z ahead, to that of Blender's environments, +Z up and +Y ahead.
 UPRIGHT = Matrix(((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)))
 
 
-def new_world(name):
-    """A black world, for the light that gets through gaps of the room."""
-    world = bpy.data.worlds.new(f"{name} Environment")
+def world_of(collection):
+    """Returns a room's world, which is made if necessary."""
+    room = collection.room_light
+    if room.world is not None and is_shared(collection, "world"):
+        room.world = room.world.copy()
+    if room.world is None:
+        room.world = bpy.data.worlds.new(f"{collection.name} Environment")
+        room.world[MADE] = ROOM
+    if not all(node(room.world, kind) for kind in NODES):
+        fill_world(room.world)
+        set_strength(room)
+    return room.world
+
+
+def fill_world(world):
+    """Makes a world's nodes."""
     if not world.use_nodes:
         world.use_nodes = True
     tree = world.node_tree
     tree.nodes.clear()
-    place = {name: tree.nodes.new(f"ShaderNode{name}") for name in ("TexCoord", "Mapping", "TexEnvironment")}
-    background, output = tree.nodes.new("ShaderNodeBackground"), tree.nodes.new("ShaderNodeOutputWorld")
-    tree.links.new(place["TexCoord"].outputs["Generated"], place["Mapping"].inputs["Vector"])
-    tree.links.new(place["Mapping"].outputs["Vector"], place["TexEnvironment"].inputs["Vector"])
-    tree.links.new(place["TexEnvironment"].outputs["Color"], background.inputs["Color"])
+    coordinates, mapping, panorama, background, output = nodes = [tree.nodes.new(f"ShaderNode{kind}") for kind in NODES]
+    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], panorama.inputs["Vector"])
+    tree.links.new(panorama.outputs["Color"], background.inputs["Color"])
     tree.links.new(background.outputs["Background"], output.inputs["Surface"])
-    background.inputs["Strength"].default_value = 0.0
     # Of EEVEE, which makes a sun of all brighter light.
     world.sun_threshold, world.use_sun_shadow = SUN_THRESHOLD, True
-    for column, node in enumerate([*place.values(), background, output]):
-        node.location = (200 * column, 0)
-    return world
+    for column, placed in enumerate(nodes):
+        placed.location = (200 * column, 0)
 
 
 def node(world, kind):
-    return next(node for node in world.node_tree.nodes if node.bl_idname == f"ShaderNode{kind}")
-
-
-def images(world):
-    """The panorama of a world, if it has one."""
-    return {node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT" and node.image}
+    """Returns a world's node of a kind, or None."""
+    tree = world.node_tree
+    found = (node for node in tree.nodes if node.bl_idname == f"ShaderNode{kind}") if tree else iter(())
+    return next(found, None)
 
 
 def light_object(collection, target):
@@ -58,8 +68,7 @@ def light_object(collection, target):
 
 def light_view(collection):
     """Lights the scene by the panorama above the middle of the photo's lower part."""
-    room = collection.room_light
-    width, height = room.photo.size
+    width, height = photo(collection).size
     scene = estimated(collection)
     try:
         position, _ = scene.surface_at_pixel((width / 2, 0.8 * height))
@@ -67,7 +76,7 @@ def light_view(collection):
         position = (0.0, -0.5, -1.5)
     up = scene.up or (0.0, 1.0, 0.0)
     place = Vector(position) + ABOVE_M * Vector(up)
-    return light_place(collection, scene, room.root.matrix_world @ place, collection.name)
+    return light_place(collection, scene, part(collection, "World").matrix_world @ place, collection.name)
 
 
 def estimated(collection):
@@ -78,37 +87,43 @@ def estimated(collection):
 def light_place(collection, scene, position, name):
     """Lights the scene by the panorama at a position in world space. Returns warnings."""
     room = collection.room_light
-    at = room.root.matrix_world.inverted() @ position
+    at = part(collection, "World").matrix_world.inverted() @ position
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always", lightoctree.LightOctreeWarning)
         panorama = scene.environment(tuple(at), (WIDTH, WIDTH // 2), light=room.inferred)
-    set_image(room.world, f"Light of {name}", panorama)
-    orient(room)
+    set_image(world_of(collection), f"Light of {name}", panorama)
+    orient(collection)
     room.source = "ENVIRONMENT"
     return [str(warning.message) for warning in found]
 
 
-def orient(room):
+def orient(collection):
     """Turns the panorama with the room."""
-    rotation = room.root.matrix_world.to_3x3().normalized().inverted()
-    node(room.world, "Mapping").inputs["Rotation"].default_value = (UPRIGHT @ rotation).to_euler("XYZ")
+    rotation = part(collection, "World").matrix_world.to_3x3().normalized().inverted()
+    mapping = node(world_of(collection), "Mapping")
+    mapping.inputs["Rotation"].default_value = (UPRIGHT @ rotation).to_euler("XYZ")
 
 
 def set_image(world, name, panorama):
-    """Sets the pixels of a world's panorama."""
+    """Gives a world a panorama. The image is new, so that undo brings the former one back."""
     texture = node(world, "TexEnvironment")
+    former = texture.image
     height, width = panorama.shape[:2]
-    if texture.image is None:
-        texture.image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True)
-        texture.image.colorspace_settings.name = "Linear Rec.709"
-    texture.image.name = name
+    image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True)
+    image[MADE] = ROOM
+    image.colorspace_settings.name = "Linear Rec.709"
     # Ours has −Z in its centre, Blender's +X a quarter to the right of +Y; Blender's lowest row is its first.
     turned = np.roll(panorama, -width // 4, axis=1)[::-1]
     pixels = np.ones((height, width, 4), dtype=np.float32)
     pixels[..., :3] = turned
-    texture.image.pixels.foreach_set(pixels.ravel())
-    texture.image.update()
-    texture.image.pack()
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    image.pack()
+    texture.image = image
+    if former is not None and former.users == 0:
+        bpy.data.images.remove(former)
+    # Without the suffix that the former one made necessary.
+    image.name = name
 
 
 def centre(target):
@@ -131,4 +146,10 @@ def show_source(collection):
     for thing in list(collection.all_objects):
         if thing.get(ROLE) in ("Room", "Photo", "Lamp"):
             thing.hide_render = thing.hide_viewport = not by_room
-    node(room.world, "Background").inputs["Strength"].default_value = 0.0 if by_room else 1.0
+    world_of(collection)
+    set_strength(room)
+
+
+def set_strength(room):
+    """Makes a room's world black while the room lights: light would get through its gaps."""
+    node(room.world, "Background").inputs["Strength"].default_value = 0.0 if room.source == "ROOM" else 1.0

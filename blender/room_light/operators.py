@@ -3,11 +3,12 @@
 import os
 
 import bpy
+import lightoctree
 from bpy.props import StringProperty
 
 from . import build, lighting, look
 from .job import Cancelled, Job, Request
-from .names import ROLE
+from .names import ROLE, MissingPart, is_empty_room, rooms
 
 # Interval at which the status bar is updated, in seconds.
 INTERVAL_S = 0.1
@@ -31,6 +32,9 @@ class MakeRoom(bpy.types.Operator):
     def poll(cls, context):
         if running is not None:
             cls.poll_message_set("A room is being estimated")
+            return False
+        if is_empty_room(context.scene):
+            cls.poll_message_set("This scene belongs to the shadows of EEVEE: return to your own")
             return False
         if context.mode != "OBJECT":
             cls.poll_message_set("Leave edit mode first")
@@ -119,17 +123,25 @@ class RoomOperator:
 
     @classmethod
     def poll(cls, context):
-        return bool(build.rooms(context.scene))
+        return bool(rooms(context.scene))
 
     def execute(self, context):
-        rooms = build.rooms(context.scene)
-        if not self.room:
-            return self.execute_on(context, context.scene.room_light.active or rooms[0])
-        named = next((room for room in rooms if room.name == self.room), None)
-        if named is None:
+        present = rooms(context.scene)
+        collection = next((room for room in present if room.name == self.room), None)
+        if self.room and collection is None:
             self.report({"ERROR"}, f"The scene has no room {self.room!r}")
             return {"CANCELLED"}
-        return self.execute_on(context, named)
+        if collection is None:
+            active = context.scene.room_light.active
+            collection = active if active in present else present[0]
+        try:
+            messages = self.execute_on(context, collection)
+        except (MissingPart, ValueError, lightoctree.LightOctreeError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for message in messages:
+            self.report({"WARNING"}, message)
+        return {"FINISHED"}
 
 
 class LightObject(RoomOperator, bpy.types.Operator):
@@ -144,29 +156,24 @@ class LightObject(RoomOperator, bpy.types.Operator):
         if target is None or ROLE in target:
             cls.poll_message_set("Select an object that is not part of a room")
             return False
-        return bool(build.rooms(context.scene))
+        return bool(rooms(context.scene))
 
     def execute_on(self, context, collection):
-        try:
-            messages = lighting.light_object(collection, context.active_object)
-        except Exception as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        for message in messages:
-            self.report({"INFO"}, message)
-        return {"FINISHED"}
+        messages = lighting.light_object(collection, context.active_object)
+        scene = context.scene
+        if scene.world is None and scene.room_light.active == collection:
+            scene.world = lighting.world_of(collection)
+        return messages
 
 
 class UseRoom(RoomOperator, bpy.types.Operator):
-    """Render the scene in this room, and hide the others"""
+    """Render the scene in this room, and hide the others. On the room in use, bring its set-up up to date"""
 
     bl_idname = "room_light.use_room"
     bl_label = "Use Room"
 
     def execute_on(self, context, collection):
-        for message in look.activate(context.scene, collection):
-            self.report({"WARNING"}, message)
-        return {"FINISHED"}
+        return look.activate(context.scene, collection)
 
 
 class ResetRoom(RoomOperator, bpy.types.Operator):
@@ -175,16 +182,30 @@ class ResetRoom(RoomOperator, bpy.types.Operator):
     bl_idname = "room_light.reset"
     bl_label = "Reset"
 
+    @classmethod
+    def poll(cls, context):
+        scene = context.scene
+        # Without rooms if the user deleted them by hand.
+        return bool(rooms(scene) or scene.room_light.before) and not is_empty_room(scene)
+
+    def execute(self, context):
+        scene = context.scene
+        if rooms(scene):
+            return super().execute(context)
+        look.restore(scene)
+        build.sweep()
+        return {"FINISHED"}
+
     def execute_on(self, context, collection):
         scene = context.scene
-        others = [room for room in build.rooms(scene) if room != collection]
-        if scene.room_light.active == collection:
-            if others:
-                look.activate(scene, others[0])
-            else:
-                look.restore(scene)
-        build.remove(collection)
-        return {"FINISHED"}
+        build.check_removable(scene, collection)
+        others = [room for room in rooms(scene) if room != collection]
+        if not others:
+            look.restore(scene)
+        build.remove(scene, collection)
+        if others and scene.room_light.active not in others:
+            return look.activate(scene, others[0])
+        return []
 
 
 def request_of(settings):
@@ -196,6 +217,8 @@ def request_of(settings):
     for name in ("photo", "depth", "panorama"):
         path = getattr(settings, name)
         files[name] = os.path.abspath(bpy.path.abspath(path)) if path else ""
+        if os.path.isdir(files[name]):
+            raise ValueError(f"{files[name]}: is a folder, not a file")
         if path and not os.path.isfile(files[name]):
             raise ValueError(f"{files[name]}: no such file")
     if not files["photo"]:

@@ -2,8 +2,8 @@
 
 import bpy
 
-from . import build, compositing, operators
-from .names import ROLE
+from . import look, operators
+from .names import ROLE, MissingPart, is_empty_room, rooms
 
 
 class RoomLightPanel(bpy.types.Panel):
@@ -17,7 +17,11 @@ class RoomLightPanel(bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        settings = context.scene.room_light
+        scene = context.scene
+        settings = scene.room_light
+        if is_empty_room(scene):
+            layout.label(text="Scene of the room's shadows in EEVEE", icon="INFO")
+            return
         layout.prop(settings, "photo")
         header, body = layout.panel("room_light_more", default_closed=True)
         header.label(text="Depth, Panorama, Lens")
@@ -29,7 +33,10 @@ class RoomLightPanel(bpy.types.Panel):
             body.prop(settings, "hfov_deg")
             body.prop(settings, "light")
         layout.operator(operators.MakeRoom.bl_idname, icon="LIGHT_AREA")
-        for collection in build.rooms(context.scene):
+        found = rooms(scene)
+        if settings.before and not found:
+            layout.operator(operators.ResetRoom.bl_idname, text="Restore the Scene", icon="LOOP_BACK")
+        for collection in found:
             draw_room(context, layout.box(), collection)
 
 
@@ -51,9 +58,14 @@ def draw_room(context, box, collection):
         box.label(text=f"Environment at {room.target.name}")
     elif room.source == "ROOM" and not is_cycles:
         box.label(text="The room lights in Cycles only", icon="ERROR")
-    if is_cycles != compositing.is_for_cycles(context.scene, room):
-        name = "Cycles" if is_cycles else "EEVEE"
-        box.operator(operators.UseRoom.bl_idname, text=f"Set Up for {name}", icon="FILE_REFRESH").room = collection.name
+    try:
+        is_current = look.is_current(context.scene, collection)
+    except MissingPart as error:
+        box.label(text=str(error), icon="ERROR")
+        return
+    if not is_current:
+        text = f"Update for {'Cycles' if is_cycles else 'EEVEE'}"
+        box.operator(operators.UseRoom.bl_idname, text=text, icon="FILE_REFRESH").room = collection.name
 
 
 CLASSES = [RoomLightPanel]

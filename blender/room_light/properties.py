@@ -5,14 +5,13 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from . import lighting
 
+FILE = {"subtype": "FILE_PATH", "options": {"PATH_SUPPORTS_BLEND_RELATIVE"}}
+
 
 class RoomLightRoom(bpy.types.PropertyGroup):
     """A room that was made of a photo; stored with its collection."""
 
     is_room: BoolProperty()
-    is_level: BoolProperty()
-    root: PointerProperty(type=bpy.types.Object)
-    camera: PointerProperty(type=bpy.types.Object)
     photo: PointerProperty(type=bpy.types.Image)
     world: PointerProperty(type=bpy.types.World)
     compositing: PointerProperty(type=bpy.types.NodeTree)
@@ -38,11 +37,9 @@ class RoomLightSettings(bpy.types.PropertyGroup):
     """Inputs of the next room, and what the scene was before its rooms."""
 
     photo: StringProperty(
-        name="Photo",
-        description="Photo of the room, or a .scene file of lightoctree",
-        subtype="FILE_PATH",
+        name="Photo", description="Photo of the room, or a .scene file of lightoctree", **FILE
     )
-    depth: StringProperty(name="Depth", description="Depth map of the photo; optional", subtype="FILE_PATH")
+    depth: StringProperty(name="Depth", description="Depth map of the photo; optional", **FILE)
     depth_is: EnumProperty(
         name="Depth Is",
         items=[
@@ -51,9 +48,7 @@ class RoomLightSettings(bpy.types.PropertyGroup):
             ("inverse", "Inverse", "Disparity or inverse depth of any scale"),
         ],
     )
-    panorama: StringProperty(
-        name="Panorama", description="HDR panorama of the same room; optional", subtype="FILE_PATH"
-    )
+    panorama: StringProperty(name="Panorama", description="HDR panorama of the same room; optional", **FILE)
     hfov_deg: FloatProperty(
         name="Field of View",
         description="Horizontal field of view of the photo in degrees; 0: from the file, else estimated",

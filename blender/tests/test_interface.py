@@ -54,10 +54,10 @@ def test_panel_with_a_room(room):
     bpy.ops.room_light.light_object()
     assert shown()[-1] == "Environment at Cube"
     bpy.context.scene.render.engine = "CYCLES"
-    assert shown()[-1] == "Set Up for Cycles"
+    assert shown()[-1] == "Update for Cycles"
     bpy.ops.room_light.use_room()
     assert shown()[-1] == "Environment at Cube"
-    bpy.context.view_layer.objects.active = room.room_light.camera
+    bpy.context.view_layer.objects.active = bpy.data.objects["library Camera"]
     assert "Light for Object" in shown() and not bpy.ops.room_light.light_object.poll()
 
 
