@@ -1,8 +1,8 @@
-"""The pictures of README.md, docs/gallery.md and docs/lights.md that the shipped weights decide about, made anew.
+"""The pictures of README.md, docs/gallery.md, docs/lights.md and docs/web.md that the shipped weights decide about, made anew.
 
     python3 scripts/gallery.py target/release/lightoctree ../shared/data docs/images [NAME ...]
 
-Needs Python's numpy, pillow, safetensors and opencv-python-headless. NAME is a function below, without them all pictures are made, in about four minutes of
+Needs Python's numpy, pillow, safetensors and opencv-python-headless, and Chromium. NAME is a function below, without them all pictures are made, in about four minutes of
 two cores. Scenes are kept in ./out/gallery and made again when the program is newer. Not among them: the page of `view`, Cycles' picture, the mirror ball, generated rooms.
 """
 
@@ -372,7 +372,64 @@ def glass():
     save(cut(insert(library(), *objects, "--quality", "high"), (480, 700, 1560, 1300), 800), "glass")
 
 
-ALL = [demo, real_photos, sheet, photo_alone, spheres, tea_set, spot, several, mattes, desk_panorama, chrome_lookup, networks, shadows, panorama_prior, lights, sunny, window, lamp, glass]
+# Position of a direction (x, y, z) of our frame in the map of each program, by the program's own formula in its own axes; v from the top.
+def centre_ahead(x, y, z):
+    return 0.5 + np.arctan2(x, -z) / (2 * np.pi), np.arccos(y) / np.pi
+
+
+def openexr(x, y, z):
+    return 0.5 - np.arctan2(x, z) / (2 * np.pi), np.arccos(y) / np.pi
+
+
+def threejs(x, y, z):
+    return 0.5 + np.arctan2(z, x) / (2 * np.pi), np.arccos(y) / np.pi
+
+
+def blender(x, y, z):
+    x, y, z = x, -z, y
+    return (np.arctan2(y, x) - np.pi) / (-2 * np.pi), np.arccos(z) / np.pi
+
+
+def unity(x, y, z):
+    x, y, z = x, y, -z
+    return 0.5 - np.arctan2(z, x) / (2 * np.pi), np.arccos(y) / np.pi
+
+
+def chrome_ball(picture, uv, size):
+    """A mirror ball seen from the photo's camera, far away, under a map."""
+    y, x = (1 - (np.mgrid[:size, :size] + 0.5) / size * 2) * [[[1]], [[-1]]]
+    depth = np.sqrt(np.maximum(0, 1 - x**2 - y**2))
+    # The ray along -Z, mirrored at the normal (x, y, depth).
+    u, v = uv(2 * depth * x, np.clip(2 * depth * y, -1, 1), 2 * depth**2 - 1)
+    pixels = np.asarray(picture)
+    height, width, _ = pixels.shape
+    seen = pixels[np.clip((v * height).astype(int), 0, height - 1), np.floor(u * width).astype(int) % width]
+    return Image.fromarray(np.where((x**2 + y**2 < 1)[..., None], seen, 255).astype(np.uint8))
+
+
+def orientations():
+    """docs/web.md: the map for each program, and a chrome ball under it."""
+    programs = {"lightoctree": centre_ahead, "openexr": openexr, "threejs": threejs, "blender": blender, "unity": unity}
+    maps = [panorama(library(), "--at", "0,-0.3,-2", "--orientation", name) for name in programs]
+    for name, picture in zip(programs, maps):
+        ImageDraw.Draw(picture).text((6, 4), name, "white", stroke_width=2, stroke_fill="black", font_size=26)
+    balls = [chrome_ball(picture, uv, 384).resize((192, 192), Image.Resampling.LANCZOS) for picture, uv in zip(maps, programs.values())]
+    save(grid([[picture.resize((230, 115), Image.Resampling.LANCZOS) for picture in maps], balls]), "orientations")
+
+
+def web_page():
+    """docs/web.md: the exported page in Chromium."""
+    folder = (WORK / "page").resolve()
+    run(PROGRAM, "export", library(), "--to", "web", "-o", folder, "--force", "--quiet")
+    # Chromium writes the picture once the page is idle; it computes WebGL by itself.
+    flags = ("--headless=new", "--no-sandbox", "--hide-scrollbars", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+    state = "object=chrome&x=800&y=1150&height=0.3"
+    shot = WORK / "page.png"
+    run("chromium", *flags, "--window-size=1000,840", "--virtual-time-budget=20000", f"--screenshot={shot}", f"file://{folder}/index.html#{state}")
+    save(Image.open(shot).convert("RGB"), "web_page")
+
+
+ALL = [demo, real_photos, sheet, photo_alone, spheres, tea_set, spot, several, mattes, desk_panorama, chrome_lookup, networks, shadows, panorama_prior, lights, sunny, window, lamp, glass, orientations, web_page]
 
 
 def main():

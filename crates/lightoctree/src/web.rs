@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use lo_events::{Cancelled, OnEvent};
-use lo_export::{ExportError, WEB_PANORAMA_HEIGHT, WebGrid, WebReport, write_web};
+use lo_export::{ExportError, WEB_PANORAMA_HEIGHT, WebGrid, WebProbe, WebReport, write_web};
 use lo_scene::LitScene;
 
 use crate::render_probes;
@@ -31,11 +31,11 @@ pub fn export_web(
     on_event: OnEvent<'_>,
 ) -> Result<WebReport, WebExportError> {
     let grid = WebGrid::of(scene)?;
-    let mut panoramas = Vec::new();
+    let mut probes = Vec::new();
     let keep = |_, rendering: lo_cone::Rendering| {
-        panoramas.push(rendering.radiance);
+        probes.push(WebProbe { radiance: rendering.radiance, distance_m: rendering.distance_m });
         Ok::<(), WebExportError>(())
     };
     render_probes(scene, &grid.points(), WEB_PANORAMA_HEIGHT, keep, on_event)?;
-    Ok(write_web(scene, title, &grid, &panoramas, folder.as_ref())?)
+    Ok(write_web(scene, title, &grid, &probes, folder.as_ref())?)
 }

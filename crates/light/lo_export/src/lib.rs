@@ -52,7 +52,7 @@ pub use error::ExportError;
 pub use faces::RoomFaces;
 pub use format::Format;
 pub use probe::LightProbe;
-pub use web::{WEB_PANORAMA_HEIGHT, WebGrid, WebReport, write_web};
+pub use web::{WEB_PANORAMA_HEIGHT, WebGrid, WebProbe, WebReport, write_web};
 
 use probe::ProbeFile;
 use sibling_file::SiblingFile;
