@@ -3,7 +3,7 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 /** The materials of the built-in sphere; matte is as that of `lightoctree insert`. */
 const MATERIALS = {
-  matte: { color: new THREE.Color(0.8, 0.8, 0.8), roughness: 1, metalness: 0 },
+  matte: { color: new THREE.Color(0.8, 0.8, 0.8), roughness: 0.9, metalness: 0 },
   chrome: { color: new THREE.Color(0.95, 0.95, 0.95), roughness: 0, metalness: 1 },
 };
 
