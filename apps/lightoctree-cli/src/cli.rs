@@ -52,6 +52,8 @@ pub enum Command {
     Unwrap(commands::unwrap::Args),
     /// Print a shell completion script
     Completions(commands::completions::Args),
+    /// Write manual pages
+    Man(commands::man::Args),
 }
 
 /// Version of the program and its weights, as `--version` prints them.

@@ -73,6 +73,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Export(args) => commands::export::run(global, args),
         Command::Unwrap(args) => commands::unwrap::run(global, args),
         Command::Completions(args) => commands::completions::run(args, &mut Cli::command()),
+        Command::Man(args) => commands::man::run(args, Cli::command()),
     }
 }
 

@@ -12,6 +12,7 @@ pub mod inspect;
 pub mod level;
 pub mod light;
 pub mod lights;
+pub mod man;
 pub mod parse;
 pub mod probes;
 pub mod unwrap;
