@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-HEIGHT_M = 0.2
+HEIGHT_M = 0.4
 # Share of the ball's radius within which colours are compared.
 INNER = 0.85
 FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -37,33 +37,36 @@ def main():
         page = browser.new_page(viewport={"width": 1000, "height": 850})
         page.goto(f"file://{folder}/page/index.html")
         page.wait_for_function("globalThis.page?.isReady")
-        ratios, angles = [], []
+        figures = {"insert": [], "insert under the panorama at the ball": []}
         for pixel in arguments.pixel:
-            ours, theirs, centre, radius = both(arguments, folder, page, pixel)
+            ours, theirs, centre, radius = pictures(arguments, folder, page, pixel)
             if arguments.pictures:
                 arguments.pictures.mkdir(parents=True, exist_ok=True)
-                for name, picture in (("page", ours), ("insert", theirs)):
+                for name, picture in (("page", ours), ("insert", theirs[0])):
                     Image.fromarray(encoded(picture)).save(arguments.pictures / f"{name}_{pixel.replace(',', '_')}.png")
-            ratio, angle = compared(ours, theirs, centre, radius)
-            print(f"{pixel}: page / insert {np.round(ratio, 3)}, lit side off by {angle:.0f}°")
-            ratios.append(ratio)
-            angles.append(angle)
+            for (name, found), picture in zip(figures.items(), theirs):
+                found.append(compared(ours, picture, centre, radius))
+                print(f"{pixel}: page / {name} {np.round(found[-1][0], 3)}, lit side off by {found[-1][1]:.0f}°")
         browser.close()
-    print(f"ratios {np.min(ratios):.2f} to {np.max(ratios):.2f}; lit side off by up to {max(angles):.0f}°")
+    for name, found in figures.items():
+        ratios, angles = zip(*found)
+        print(f"page / {name}: {np.min(ratios):.2f} to {np.max(ratios):.2f}; lit side off by up to {max(angles):.0f}°")
 
 
-def both(arguments, folder, page, pixel):
-    """The page's canvas and the picture of `insert` at its size, in linear light, and the ball's place in it."""
+def pictures(arguments, folder, page, pixel):
+    """The page's canvas, the pictures of `insert` at its size, in the scene's light and under the panorama at the ball,
+    all in linear light, and the ball's place in them."""
     x, y = pixel.split(",")
     page.goto("about:blank")
     page.goto(f"file://{folder}/page/index.html#object=matte&x={x}&y={y}&height={HEIGHT_M}")
     page.wait_for_function("globalThis.page?.isReady")
     url = page.evaluate("document.getElementById('view').toDataURL()")
     ours = Image.open(io.BytesIO(base64.b64decode(url.split(",")[1]))).convert("RGB")
-    out = folder / "insert.png"
+    out, light = folder / "insert.png", folder / "light.exr"
     options = ("--mesh", "builtin:sphere", "--height", HEIGHT_M, "--pixel", pixel, "--match-look", "off", "--json")
-    told = run(arguments.program, "insert", arguments.scene, *options, "-o", out, "--force")
-    picture = Image.open(out).convert("RGB")
+    insert = (arguments.program, "insert", arguments.scene, *options, "-o", out, "--force")
+    told = run(*insert)
+    theirs = [Image.open(out).convert("RGB")]
     position = np.array(json.loads(told)["objects"][0]["positions_m"][0])
     room = json.loads((folder / "page/room.js").read_text().partition("= ")[2].rstrip().rstrip(";"))
     camera, up = room["camera"], np.array(room["up"])
@@ -73,8 +76,12 @@ def both(arguments, folder, page, pixel):
         [camera["cx"] + camera["fx"] * middle[0] / -middle[2], camera["cy"] - camera["fy"] * middle[1] / -middle[2]]
     )
     radius = scale * camera["fx"] * 0.5 * HEIGHT_M / -middle[2]
-    picture = picture.resize(ours.size, Image.Resampling.LANCZOS)
-    return linear(ours), linear(picture), centre, radius
+    at = "--at=" + ",".join(map(str, middle))
+    run(arguments.program, "envmap", arguments.scene, at, "--light", "plausible", "-o", light, "--force")
+    run(*insert, "--lighting", f"envmap:{light}", "--lighting-level", "file")
+    theirs.append(Image.open(out).convert("RGB"))
+    theirs = [linear(picture.resize(ours.size, Image.Resampling.LANCZOS)) for picture in theirs]
+    return linear(ours), theirs, centre, radius
 
 
 def compared(ours, theirs, centre, radius):

@@ -411,9 +411,9 @@ def orientations():
     """docs/web.md: the map for each program, and a chrome ball under it."""
     programs = {"lightoctree": centre_ahead, "openexr": openexr, "threejs": threejs, "blender": blender, "unity": unity}
     maps = [panorama(library(), "--at", "0,-0.3,-2", "--orientation", name) for name in programs]
+    balls = [chrome_ball(picture, uv, 384).resize((192, 192), Image.Resampling.LANCZOS) for picture, uv in zip(maps, programs.values())]
     for name, picture in zip(programs, maps):
         ImageDraw.Draw(picture).text((6, 4), name, "white", stroke_width=2, stroke_fill="black", font_size=26)
-    balls = [chrome_ball(picture, uv, 384).resize((192, 192), Image.Resampling.LANCZOS) for picture, uv in zip(maps, programs.values())]
     save(grid([[picture.resize((230, 115), Image.Resampling.LANCZOS) for picture in maps], balls]), "orientations")
 
 

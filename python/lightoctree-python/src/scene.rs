@@ -143,8 +143,8 @@ impl Scene {
 
     /// Writes the HDR panorama at a position, as the command `envmap` does: .exr, .hdr or .pfm.
     ///
-    /// `orientation` is named after a program that uses it: "lightoctree", "openexr", "threejs", "blender" or "unity". With
-    /// `half`, EXR has 16-bit floats. The other parameters are those of `environment`.
+    /// `orientation` is named after a program that uses it: "lightoctree", "openexr", "threejs", "blender" or "unity".
+    /// With `half`, EXR has 16-bit floats. The other parameters are those of `environment`.
     #[pyo3(
         signature = (path, at, size = SIZE, level = false, *, light = None, orientation = "lightoctree", half = false),
         text_signature = "($self, path, at, size=(512, 256), level=False, *, light=None, orientation='lightoctree', \

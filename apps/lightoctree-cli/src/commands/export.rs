@@ -57,14 +57,14 @@ pub struct Args {
     out: OutputArgs,
 }
 
-/// What a scene is converted to.
+/// A file of a format, or a web page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Target {
     File(Format),
     Web,
 }
 
-/// What scenes are converted to.
+/// Targets of a conversion.
 static TARGETS: [Choice<Target>; 5] = [
     ("ply", Target::File(Format::Ply), "Point cloud: MeshLab, CloudCompare, Open3D, Blender"),
     ("glb", Target::File(Format::Glb), "glTF binary: Blender, three.js, any viewer"),

@@ -41,28 +41,37 @@ fn mean(image: &RadianceImage, centre: [f32; 2], radius: f32) -> [f32; 3] {
 
 #[test]
 fn the_page_shows_the_object_as_insert_does() {
-    let folder = room_with_scene();
+    let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
+    let [photo, depth] = ["library_color.jpg", "library_lidar_depth.png"].map(lo_testdata::asset);
+    let [photo, depth] = [&photo, &depth].map(|path| path.to_str().unwrap());
+    let estimate = ["estimate", photo, "--depth", depth, "--intrinsics", "1330,1330,960,720", "--completion", "shell"];
+    done(at, &[&estimate[..], &["-o", "room.scene"]].concat());
     let report = json(&done(at, &["export", "room.scene", "--to", "web", "-o", "page", "--json"]));
     assert_eq!(report["files"].as_array().unwrap().len(), 4);
-    assert!(report["bytes"].as_u64().unwrap() < 8_000_000, "{report}");
+    assert!(report["bytes"].as_u64().unwrap() < 13_000_000, "{report}");
     // Its own page is replaced.
     done(at, &["export", "room.scene", "--to", "web", "-o", "page"]);
     let Some(mut browser) = Browser::start_with_webgl("the exported page") else { return };
     let page = at.join("page");
     // The footer needs the rest of the window.
-    let of_page = shown(&mut browser, &page, "object=matte&x=72&y=80&height=0.4", [640, 500]);
-    let scale = of_page.width() as f32 / 144.0;
-    assert!(scale > 2.0 && (of_page.height() as f32 - 96.0 * scale).abs() <= 1.0, "{scale}");
-    let insert = ["insert", "room.scene", "--mesh", "builtin:sphere", "--height", "0.4", "--pixel", "72,80"];
-    done(at, &[&insert[..], &["--match-look", "off", "-o", "insert.png"]].concat());
+    let of_page = shown(&mut browser, &page, "object=matte&x=800&y=1150&height=0.4", [960, 820]);
+    let scale = of_page.width() as f32 / 1920.0;
+    assert!(scale > 0.4 && (of_page.height() as f32 - 1440.0 * scale).abs() <= 1.0, "{scale}");
+    let insert = ["insert", "room.scene", "--mesh", "builtin:sphere", "--height", "0.4", "--pixel", "800,1150"];
+    let insert = [&insert[..], &["--match-look", "off", "--json", "-o", "insert.png"]].concat();
+    let told = json(&done(at, &insert));
+    // Where the ball is: its middle is 20 cm above its foot.
+    let estimate = lightoctree::Document::read(at.join("room.scene")).unwrap().estimate;
+    let foot: [f32; 3] = serde_json::from_value(told["objects"][0]["positions_m"][0].clone()).unwrap();
+    let centre = lo_geometry::Vec3::from(foot) + 0.2 * estimate.up();
+    let (x, y, _) = estimate.frame.camera.project(centre).unwrap();
+    let radius = estimate.frame.camera.fx as f32 * 0.2 / -centre.z;
+    // The same light: the panorama there. Without it, `insert` gathers diffuse light by wide cones.
+    let place = format!("--at={},{},{}", centre.x, centre.y, centre.z);
+    done(at, &["envmap", "room.scene", &place, "--light", "plausible", "-o", "light.exr"]);
+    done(at, &[&insert[..], &["--force", "--lighting", "envmap:light.exr", "--lighting-level", "file"]].concat());
     let of_insert = imaging::read_photo(at.join("insert.png")).unwrap().photo.radiance();
-    // Where the ball is: its middle is 20 cm above the floor, 1.2 m below the camera.
-    let camera = lo_geometry::Camera::from_hfov_deg(65.0, 144, 96).unwrap();
-    let foot = camera.direction(72.0, 80.0);
-    let centre = foot * (1.2 / -foot.y) + 0.2 * lo_geometry::Vec3::Y;
-    let (x, y, _) = camera.project(centre).unwrap();
-    let radius = camera.fx as f32 * 0.2 / -centre.z;
     let disc = |image: &RadianceImage, scale: f32, share: f32| {
         mean(image, [x as f32 * scale, y as f32 * scale], share * radius * scale)
     };
@@ -71,33 +80,36 @@ fn the_page_shows_the_object_as_insert_does() {
         assert!((ours[channel] / theirs[channel] - 1.0).abs() < 0.05, "{ours:?} {theirs:?}");
     }
     // Far from the object it is the photo.
-    let photo = imaging::read_photo(at.join("photo.png")).unwrap().photo.radiance();
-    for corner in [[20.0, 20.0], [124.0, 20.0], [20.0, 85.0]] {
-        let ours = mean(&of_page, corner.map(|v| v * scale), 8.0 * scale);
-        let theirs = mean(&photo, corner, 8.0);
-        assert!((0..3).all(|c| (ours[c] / theirs[c] - 1.0).abs() < 0.02), "{corner:?}: {ours:?} {theirs:?}");
+    let photo = imaging::read_photo(photo).unwrap().photo.radiance();
+    for place in [[300.0, 300.0], [1600.0, 300.0], [1500.0, 1300.0]] {
+        let ours = mean(&of_page, place.map(|v| v * scale), 50.0 * scale);
+        let theirs = mean(&photo, place, 50.0);
+        assert!((0..3).all(|c| (ours[c] / theirs[c] - 1.0).abs() < 0.03), "{place:?}: {ours:?} {theirs:?}");
     }
     // Under the ball it is darker, as in the other picture.
-    let under = [72.0, 80.5];
-    let [ours, theirs, bare] =
-        [mean(&of_page, under.map(|v| v * scale), 2.0 * scale), mean(&of_insert, under, 3.0), mean(&photo, under, 3.0)];
+    let under = [x as f32, y as f32 + 1.05 * radius];
+    let [ours, theirs, bare] = [
+        mean(&of_page, under.map(|v| v * scale), 10.0 * scale),
+        mean(&of_insert, under, 10.0),
+        mean(&photo, under, 10.0),
+    ];
     assert!(ours[1] < 0.85 * bare[1] && theirs[1] < 0.85 * bare[1], "{ours:?} {theirs:?} {bare:?}");
 
     // It is dragged, changes to chrome, and gives way to a model.
     let point = browser.value(
         "(() => { const box = document.getElementById('view').getBoundingClientRect();
-           return [box.left, box.top, box.width / 144]; })()",
+           return [box.left, box.top, box.width / 1920]; })()",
     );
     let [left, top, per_pixel] = [0, 1, 2].map(|i| point[i].as_f64().unwrap());
     let on_page = |x: f64, y: f64| [left + x * per_pixel, top + y * per_pixel];
     browser.mouse("mousePressed", on_page(x, y));
-    browser.mouse("mouseMoved", on_page(x + 20.0, y));
-    browser.mouse("mouseReleased", on_page(x + 20.0, y));
-    browser.wait("Math.abs(page.state.x - 92) < 0.5 && Math.abs(page.state.y - 80) < 0.5");
+    browser.mouse("mouseMoved", on_page(x + 100.0, y));
+    browser.mouse("mouseReleased", on_page(x + 100.0, y));
+    browser.wait("Math.abs(page.state.x - 900) < 2 && Math.abs(page.state.y - 1150) < 2");
     browser.value("document.getElementById('chrome').click()");
     browser.wait("location.hash.includes('object=chrome')");
     let chrome = canvas(&mut browser, &page);
-    let place = [(x as f32 + 20.0) * scale, y as f32 * scale];
+    let place = [(x as f32 + 100.0) * scale, y as f32 * scale];
     assert_ne!(mean(&chrome, place, 0.5 * radius * scale), mean(&of_page, place, 0.5 * radius * scale));
     let suzanne = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../crates/lightoctree/models/suzanne.glb");
     browser.drop_file("broken.glb", b"no model");

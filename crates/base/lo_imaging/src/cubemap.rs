@@ -73,7 +73,7 @@ impl Cubemap {
         Image::from_fn(size, 6 * size, |x, y| self.faces[y / size][(x, y % size)])
     }
 
-    /// Exchanges the faces of ±Z, for programs whose +Z is our −Z, such as Unity and other users of Direct3D's cubemaps.
+    /// Exchanges the faces of ±Z, for programs whose +Z is our −Z: Unity and others with Direct3D's cubemaps.
     ///
     /// The faces themselves stay: seen from inside, Direct3D's are upright as OpenEXR's are.
     pub fn left_handed(mut self) -> Self {

@@ -1,7 +1,8 @@
 //! Export of scenes for other programs: PLY point clouds, glTF binaries, USD stages and packages, and web pages.
 //!
-//! The first three contain the octree's leaves (or the photo's pixels) with their HDR radiance. The axes are those of our
-//! world frame (right-handed, +Y up, the photo's camera at the origin looks along −Z, metres) or of a levelled one.
+//! Point clouds, glTF and USD stages contain the octree's leaves (or the photo's pixels) with their HDR radiance. The
+//! axes are those of our world frame (right-handed, +Y up, the photo's camera at the origin looks along −Z, metres) or
+//! of a levelled one.
 //!
 //! glTF and USD contain the leaves as an emissive mesh, the camera and the room's lamps. USD also contains the
 //! observed surface, textured with the photo. Light probes are written as OpenEXR files beside the scene, oriented
@@ -32,6 +33,7 @@ mod points;
 mod probe;
 mod restored;
 mod room_mesh;
+mod shown_photo;
 mod sibling_file;
 #[cfg(test)]
 mod test_scene;
@@ -43,9 +45,9 @@ mod world_frame;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use lo_imaging::{ExrOptions, Image, Photo, RadianceImage};
+use lo_imaging::{ExrOptions, Photo, RadianceImage};
 use lo_lights::ListedLight;
-use lo_scene::{Frame, LitScene};
+use lo_scene::LitScene;
 
 pub use content::Content;
 pub use error::ExportError;
@@ -193,11 +195,6 @@ pub fn write(scene: &LitScene, options: &Options, path: impl AsRef<Path>) -> Res
     report.bytes = bytes.len() as u64;
     lo_imaging::write_atomically(path, |file| file.write_all(&bytes))?;
     Ok(report)
-}
-
-/// Returns the photo with its exposure, as screens show it.
-fn shown_photo(frame: &Frame) -> Image<[u8; 3]> {
-    if frame.exposure == 1.0 { frame.photo.srgb8() } else { Photo::Linear(frame.radiance()).into_srgb8() }
 }
 
 /// Encodes the room's stage with `encode` and writes its textures. `restored` is the photo's radiance with restored

@@ -9,6 +9,7 @@ use zip::write::SimpleFileOptions;
 
 use crate::atlas::Atlas;
 use crate::room_mesh::RoomMesh;
+use crate::shown_photo::shown_photo;
 use crate::world_frame::WorldFrame;
 use crate::{ExportError, header, photo_mesh, usda};
 
@@ -28,7 +29,7 @@ pub fn encode(scene: &LitScene, mut room: RoomMesh, level: WorldFrame) -> Result
     let stage = usda::encode_for_ar(&room, &photo, TEXTURES, level);
     let atlas = Atlas::new(room.quads.len());
     let of_room: RadianceImage = atlas.image(room.quads.len(), [0.0; 3], |quad, corner| room.radiance[quad][corner]);
-    let images = [Photo::Linear(of_room).into_srgb8(), crate::shown_photo(frame)];
+    let images = [Photo::Linear(of_room).into_srgb8(), shown_photo(frame)];
     let mut files = vec![(STAGE, stage.into_bytes())];
     for (name, image) in TEXTURES.into_iter().zip(images) {
         files.push((name, lo_imaging::encode_srgb8(name, &image, lo_imaging::JPEG_QUALITY, header::SOFTWARE)?));

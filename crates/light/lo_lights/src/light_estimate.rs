@@ -89,8 +89,8 @@ pub struct ArKitLightEstimate {
 
 /// `SphericalHarmonicsL2` and a directional light of Unity, in Unity's axes: +X right, +Y up, +Z ahead, left-handed.
 ///
-/// Unity's materials lack the factor 1/π. A white matte surface has the radiance that the coefficients evaluate to, plus
-/// the light's colour times the cosine.
+/// Unity's materials lack the factor 1/π. A white matte surface has the radiance that the coefficients evaluate to,
+/// plus the light's colour times the cosine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct UnityLightEstimate {
@@ -195,7 +195,7 @@ mod tests {
         RadianceImage::from_fn(256, 128, |x, y| {
             let d = pixel_direction(x, y, 256, 128);
             let room = [1.0 + 0.5 * d.x + 0.2 * d.z, 1.0 + 0.6 * d.y, 1.0 - 0.4 * d.z + 0.3 * d.x * d.y];
-            if d.dot(lamp) > 0.97 { [30.0, 25.0, 20.0] } else { room }
+            if d.dot(lamp) > 0.995 { [180.0, 150.0, 120.0] } else { room }
         })
     }
 

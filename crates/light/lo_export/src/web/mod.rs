@@ -12,6 +12,7 @@ use lo_imaging::{DepthMap, RadianceImage};
 use lo_scene::{LitScene, Room};
 use serde_json::json;
 
+use crate::shown_photo::shown_photo;
 use crate::{ExportError, header, photo_mesh};
 
 pub use grid::WebGrid;
@@ -50,7 +51,8 @@ pub struct WebProbe {
 /// Writes a page to a folder, which is created: `index.html`, its program, the room, and the licence of three.js.
 ///
 /// The page shows the photo with an object that can be moved over the surfaces that the photo shows. It interpolates
-/// the light among `probes`, which are those of the scene at [`WebGrid::points`]. It is opened as a file or from any web server, and needs WebGL 2.
+/// the light among `probes`, which are those of the scene at [`WebGrid::points`]. It is opened as a file or from any
+/// web server, and needs WebGL 2.
 ///
 /// # Errors
 /// If no pixel of the photo has depth, or a file cannot be written.
@@ -81,8 +83,7 @@ pub fn write_web(
         turned.pixels().chunks(turned.width()).rev().for_each(|row| distances.extend(row));
     }
     let free: Vec<u8> = points.iter().map(|&point| u8::from(grid::is_free(scene, point))).collect();
-    let photo =
-        lo_imaging::encode_srgb8("photo.jpg", &crate::shown_photo(frame), lo_imaging::JPEG_QUALITY, header::SOFTWARE)?;
+    let photo = lo_imaging::encode_srgb8("photo.jpg", &shown_photo(frame), lo_imaging::JPEG_QUALITY, header::SOFTWARE)?;
     let camera = &frame.camera;
     let le_bytes = |values: &[f32]| BASE64.encode(bytemuck::cast_slice::<f32, u8>(values));
     let positions: Vec<f32> = mesh.positions_m.iter().flat_map(|point| point.to_array()).collect();
