@@ -154,6 +154,83 @@ def test_wrong_edits_of_lights_are_refused(scene: Scene, scene_file: Path) -> No
     assert scene.to_bytes() == scene_file.read_bytes()
 
 
+@pytest.mark.parametrize(
+    ("kind", "at", "options", "arguments"),
+    [
+        (
+            "sun",
+            (),
+            {"azimuth_deg": -60, "elevation_deg": 35, "strength": 8, "color": 5500},
+            ["--azimuth=-60", "--elevation=35", "--strength=8", "--color=5500K"],
+        ),
+        ("sun", (), {"shadow": (60, 20, 75, 90), "strength": 4}, ["--shadow=60,20,75,90", "--strength=4"]),
+        (
+            "area",
+            (AT,),
+            {"size": (1.2, 0.3), "direction": (0, -1, 0.5), "two_sided": True, "radiance": 20},
+            ["--size=1.2,0.3", "--direction=0,-1,0.5", "--two-sided", "--radiance=20"],
+        ),
+        ("area", (AT,), {"radius": 0.1, "power": 30, "color": (1, 0.5, 0.2)}, ["--radius=0.1", "--power=30", "--color=1,0.5,0.2"]),
+    ],
+)
+def test_added_lights_are_those_of_the_command_line(
+    kind: str,
+    at: tuple[Any, ...],
+    options: dict[str, Any],
+    arguments: list[object],
+    scene: Scene,
+    scene_file: Path,
+    cli: Cli,
+    tmp_path: Path,
+) -> None:
+    place = [f"--at={AT_TEXT}"] if at else []
+    cli("lights", "add", kind, scene_file, *place, *arguments, "-o", "added.scene")
+    before = scene.environment(AT, (64, 32))
+    add = scene.add_sun if kind == "sun" else scene.add_area_light
+    assert add(*at, **options) == "A1"
+    assert scene.to_bytes() == (tmp_path / "added.scene").read_bytes()
+    assert [light.origin for light in scene.lights if light.id == "A1"] == ["added"]
+    assert not np.array_equal(scene.environment(AT, (64, 32)), before)
+    scene.remove_light("A1")
+    assert scene.to_bytes() == scene_file.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "give azimuth_deg and elevation_deg, or shadow"),
+        ({"azimuth_deg": 3}, "give azimuth_deg and elevation_deg, or shadow"),
+        ({"azimuth_deg": 3, "elevation_deg": 95, "strength": 1}, "elevation_deg: must be a number of degrees from -90"),
+        ({"azimuth_deg": 3, "elevation_deg": 45, "strength": 0}, "strength: must be above 0"),
+        ({"azimuth_deg": 3, "elevation_deg": 45}, "the photo shows no sun patches .*; with strength it shines"),
+        ({"shadow": (1e4, 0, 5, 5), "strength": 1}, "shadow: 10000,0 is outside the photo"),
+    ],
+)
+def test_wrong_suns_are_refused(options: dict[str, Any], message: str, scene: Scene, scene_file: Path) -> None:
+    with pytest.raises(ValueError, match=message):
+        scene.add_sun(**options)
+    assert scene.to_bytes() == scene_file.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"radiance": 1}, "give size and direction, or radius"),
+        ({"size": (1, 1), "radiance": 1}, "give size and direction, or radius"),
+        ({"radius": 0.1}, "give radiance or power"),
+        ({"radius": 0.1, "power": 1, "two_sided": True}, "two_sided has no effect on spheres"),
+        ({"radius": 1e6, "power": 1}, "out of range"),
+    ],
+)
+def test_wrong_area_lights_are_refused(options: dict[str, Any], message: str, scene: Scene) -> None:
+    with pytest.raises(ValueError, match=message):
+        scene.add_area_light(AT, **options)
+    with pytest.raises(ValueError, match="L1 is part of the estimate and cannot be removed"):
+        scene.remove_light("L1")
+    with pytest.raises(LightsError, match="A7"):
+        scene.remove_light("A7")
+
+
 def tensors(file: Path) -> dict[str, NDArray[Any]]:
     """Reads the safetensors format."""
     data = file.read_bytes()

@@ -44,6 +44,11 @@ pub fn direction(argument: &str, direction: [f64; 3]) -> PyResult<Vec3> {
     parse::direction(&text(direction)).map_err(|error| PyValueError::new_err(format!("{argument}: {error}")))
 }
 
+/// Returns a number with the limits of the command line, which `parse` has.
+pub fn number<T>(argument: &str, value: f64, parse: impl Fn(&str) -> Result<T, String>) -> PyResult<T> {
+    parse(&value.to_string()).map_err(|error| PyValueError::new_err(format!("{argument}: {error}")))
+}
+
 /// Formats a vector as on the command line, to the bit.
 fn text([x, y, z]: [f64; 3]) -> String {
     format!("{x},{y},{z}")

@@ -1,6 +1,7 @@
 use lightoctree::Document;
 use lightoctree::geometry::Vec3;
-use lightoctree::lights::{LightChange, LightColor, LightKind, LightOrigin, ListedLight};
+use lightoctree::lights::{AnalyticLight, LightChange, LightColor, LightKind, LightOrigin, LightsError, ListedLight};
+use lightoctree_cli::commands::lights as commands;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -66,6 +67,30 @@ fn origin(origin: LightOrigin) -> &'static str {
         LightOrigin::Panorama => "panorama",
         LightOrigin::Inferred => "inferred",
         LightOrigin::Added => "added",
+    }
+}
+
+/// Adds a light as the command `lights add` does, and returns its name.
+///
+/// `light` returns the light, and what is to be told about it.
+pub fn add(
+    document: &mut Document,
+    light: impl FnOnce(&Document) -> anyhow::Result<AnalyticLight>,
+) -> Result<String, Failure> {
+    let added = light(document).and_then(|light| commands::add(document, light));
+    added.map_err(of_command)
+}
+
+/// Removes an added light as the command `lights remove` does.
+pub fn remove(document: &mut Document, id: &str) -> Result<(), Failure> {
+    commands::remove(document, id).map_err(of_command)
+}
+
+/// Converts an error of the command line, whose options are arguments here.
+fn of_command(error: anyhow::Error) -> Failure {
+    match error.downcast::<LightsError>() {
+        Ok(error) => error.into(),
+        Err(error) => Failure::Argument(error.to_string().replace("--", "")),
     }
 }
 

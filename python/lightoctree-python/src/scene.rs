@@ -5,12 +5,14 @@ use lightoctree::cone::Rendering;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, Sh9, ToneCurve};
 use lightoctree::insert::surface_at_pixel;
-use lightoctree::lights::{LightEstimate, LightLayout};
+use lightoctree::lights::{LightColor, LightEstimate, LightLayout};
 use lightoctree::{
     Document, InferredLight, LevelFrame, LightMode, LightPurpose, LightTuning, LitScene, SceneRenderer, export_web,
 };
 use lightoctree_cli::commands::environment::{self, PanoramaFileArgs, unusual_position};
 use lightoctree_cli::commands::level::OutputFrame;
+use lightoctree_cli::commands::lights::{AreaValues, SunValues};
+use lightoctree_cli::commands::{self, parse};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
@@ -363,6 +365,98 @@ impl Scene {
         self.edit(py, |document| lights::change(document, id, on, scale, color, at))
     }
 
+    /// Adds a sun and returns its name in `lights`. Its direction is `azimuth_deg`, to the right of the camera's heading,
+    /// and `elevation_deg`, or that of a `shadow`: (u, v, u, v), a pixel of what casts it and one of the shadow.
+    ///
+    /// `strength` is the irradiance on a surface that faces the sun; π makes a white one as bright as the photo's white.
+    /// Without it, the sun is the photo's own, which the photo's sun patches tell. `angle_deg` is its diameter.
+    #[pyo3(
+        signature = (
+            *, azimuth_deg = None, elevation_deg = None, shadow = None, strength = None, angle_deg = 0.53, color = None
+        )
+    )]
+    #[allow(clippy::too_many_arguments)]
+    fn add_sun(
+        &self,
+        py: Python<'_>,
+        azimuth_deg: Option<f64>,
+        elevation_deg: Option<f64>,
+        shadow: Option<[f64; 4]>,
+        strength: Option<f64>,
+        angle_deg: f64,
+        color: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<String> {
+        if azimuth_deg.is_some() != elevation_deg.is_some() || azimuth_deg.is_some() == shadow.is_some() {
+            return Err(PyValueError::new_err("give azimuth_deg and elevation_deg, or shadow"));
+        }
+        let positive = |name: &str, value| choice::number(name, value, parse::positive);
+        let values = SunValues {
+            azimuth: azimuth_deg.map(|angle| choice::number("azimuth_deg", angle, parse::angle_deg)).transpose()?,
+            elevation: elevation_deg
+                .map(|angle| choice::number("elevation_deg", angle, parse::elevation_deg))
+                .transpose()?,
+            shadow: shadow.map(|[u, v, s, t]| [[u, v], [s, t]]),
+            strength: strength.map(|value| positive("strength", value)).transpose()?,
+            angle: positive("angle_deg", angle_deg)?,
+            color: color.map(lights::color).transpose()?,
+        };
+        self.edit(py, |document| {
+            lights::add(document, |document| Ok(commands::lights::sun(&document.estimate, &values)?.0))
+        })
+    }
+
+    /// Adds an area light and returns its name in `lights`: a rectangle of `size` (width, height) that emits towards
+    /// `direction`, or a sphere of `radius`, in metres.
+    ///
+    /// `radiance` is its luminance, 1 the photo's white; `power` instead of it is in watts as in Blender. It is not drawn
+    /// in the photo, and does not block light.
+    #[pyo3(
+        signature = (
+            at, *, size = None, radius = None, direction = None, two_sided = false, radiance = None, power = None,
+            color = None
+        )
+    )]
+    #[allow(clippy::too_many_arguments)]
+    fn add_area_light(
+        &self,
+        py: Python<'_>,
+        at: [f64; 3],
+        size: Option<[f32; 2]>,
+        radius: Option<f64>,
+        direction: Option<[f64; 3]>,
+        two_sided: bool,
+        radiance: Option<f64>,
+        power: Option<f64>,
+        color: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<String> {
+        if size.is_some() == radius.is_some() || size.is_some() != direction.is_some() {
+            return Err(PyValueError::new_err("give size and direction, or radius"));
+        }
+        if radiance.is_some() == power.is_some() {
+            return Err(PyValueError::new_err("give radiance or power"));
+        }
+        if two_sided && radius.is_some() {
+            return Err(PyValueError::new_err("two_sided has no effect on spheres"));
+        }
+        let positive = |name: &str, value| choice::number(name, value, parse::positive);
+        let values = AreaValues {
+            at: point("at", at)?,
+            size,
+            radius: radius.map(|value| positive("radius", value)).transpose()?,
+            direction: direction.map(|direction| choice::direction("direction", direction)).transpose()?,
+            two_sided,
+            radiance: radiance.map(|value| positive("radiance", value)).transpose()?,
+            power: power.map(|value| positive("power", value)).transpose()?,
+            color: color.map_or(Ok(LightColor::Rgb([1.0; 3])), lights::color)?,
+        };
+        self.edit(py, |document| lights::add(document, |document| commands::lights::area(&document.estimate, &values)))
+    }
+
+    /// Removes an added light by its name.
+    fn remove_light(&self, py: Python<'_>, id: &str) -> PyResult<()> {
+        self.edit(py, |document| lights::remove(document, id))
+    }
+
     /// Undoes the edits of a light, or all edits, with the choice of light and the added lights.
     #[pyo3(signature = (id = None))]
     fn reset_lights(&self, py: Python<'_>, id: Option<&str>) -> PyResult<()> {
@@ -476,13 +570,17 @@ impl Scene {
     }
 
     /// Edits the document.
-    fn edit(&self, py: Python<'_>, change: impl FnOnce(&mut Document) -> Result<(), Failure> + Send) -> PyResult<()> {
+    fn edit<T: Send>(
+        &self,
+        py: Python<'_>,
+        change: impl FnOnce(&mut Document) -> Result<T, Failure> + Send,
+    ) -> PyResult<T> {
         let edited = py.detach(|| {
             let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-            change(&mut state.document)?;
+            let result = change(&mut state.document)?;
             state.edits += 1;
             state.renderer = None;
-            Ok::<_, Failure>(())
+            Ok::<_, Failure>(result)
         });
         edited.map_err(|failure| failure.raise(py))
     }

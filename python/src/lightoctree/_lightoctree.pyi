@@ -164,6 +164,29 @@ class Scene:
         color: float | _Vector | None = None,
         at: _Vector | None = None,
     ) -> None: ...
+    def add_sun(
+        self,
+        *,
+        azimuth_deg: float | None = None,
+        elevation_deg: float | None = None,
+        shadow: _Vector | None = None,
+        strength: float | None = None,
+        angle_deg: float = 0.53,
+        color: float | _Vector | None = None,
+    ) -> str: ...
+    def add_area_light(
+        self,
+        at: _Vector,
+        *,
+        size: _Vector | None = None,
+        radius: float | None = None,
+        direction: _Vector | None = None,
+        two_sided: bool = False,
+        radiance: float | None = None,
+        power: float | None = None,
+        color: float | _Vector | None = None,
+    ) -> str: ...
+    def remove_light(self, id: str) -> None: ...
     def reset_lights(self, id: str | None = None) -> None: ...
     @property
     def octree(self) -> Octree: ...

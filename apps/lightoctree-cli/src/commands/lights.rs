@@ -128,20 +128,30 @@ struct SunArgs {
     /// Scene file
     scene: PathBuf,
 
+    #[command(flatten)]
+    sun: SunValues,
+
+    #[command(flatten)]
+    file: FileArgs,
+}
+
+/// A sun to add.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct SunValues {
     /// Horizontal angle in degrees, to the right of the camera's heading
     #[arg(long, value_name = "A", value_parser = parse::angle_deg, allow_hyphen_values = true, requires = "elevation")]
-    azimuth: Option<f64>,
+    pub azimuth: Option<f64>,
 
     /// Angle above the horizon in degrees, -90 to 90
-    #[arg(long, value_name = "E", value_parser = elevation, allow_hyphen_values = true, requires = "azimuth")]
-    elevation: Option<f64>,
+    #[arg(long, value_name = "E", value_parser = parse::elevation_deg, allow_hyphen_values = true, requires = "azimuth")]
+    pub elevation: Option<f64>,
 
     /// Direction by two pixels of the photo: a point that casts a shadow, such as a corner of the window, and its
     /// shadow
     ///
     /// Without --strength, the photo must show edges of a sun patch around the shadow.
     #[arg(long, value_name = "U,V,U,V", value_parser = parse::pixels, allow_hyphen_values = true, conflicts_with = "azimuth", required_unless_present = "azimuth")]
-    shadow: Option<[[f64; 2]; 2]>,
+    pub shadow: Option<[[f64; 2]; 2]>,
 
     /// Irradiance on a surface that faces the sun; pi makes a white one as bright as the photo's white [default: the
     /// photo's own sun]
@@ -149,62 +159,66 @@ struct SunArgs {
     /// The photo's own sun lights objects where the photo shows sun patches. Its strength follows from the brightness
     /// of the patches relative to the shade.
     #[arg(long, value_name = "S", value_parser = parse::positive, allow_hyphen_values = true)]
-    strength: Option<f64>,
+    pub strength: Option<f64>,
 
     /// Angular diameter in degrees; larger suns cast softer shadows
     #[arg(long, value_name = "D", value_parser = parse::positive, allow_hyphen_values = true, default_value_t = 0.53)]
-    angle: f64,
+    pub angle: f64,
 
     /// Colour: a temperature such as 5500K, or linear R,G,B [default: white; for the photo's own sun, its observed
     /// colour]
     #[arg(long, value_name = "KELVIN|R,G,B", value_parser = parse::light_color)]
-    color: Option<LightColor>,
+    pub color: Option<LightColor>,
+}
+
+#[derive(Debug, clap::Args)]
+struct AreaArgs {
+    /// Scene file
+    scene: PathBuf,
+
+    #[command(flatten)]
+    area: AreaValues,
 
     #[command(flatten)]
     file: FileArgs,
 }
 
-#[derive(Debug, clap::Args)]
+/// An area light to add.
+#[derive(Clone, Copy, Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("shape").required(true).args(["size", "radius"])))]
 #[command(group(clap::ArgGroup::new("light").required(true).args(["radiance", "power"])))]
-struct AreaArgs {
-    /// Scene file
-    scene: PathBuf,
-
+pub struct AreaValues {
     /// Position of its centre in metres: +X right, +Y up, the camera at 0,0,0 looks along -Z
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
-    at: Vec3,
+    pub at: Vec3,
 
     /// Width and height of a rectangle, in metres
     #[arg(long, value_name = "W,H", value_parser = parse::extent, requires = "direction")]
-    size: Option<[f32; 2]>,
+    pub size: Option<[f32; 2]>,
 
     /// Radius of a sphere, in metres
     #[arg(long, value_name = "METRES", value_parser = parse::positive, allow_hyphen_values = true, conflicts_with_all = ["direction", "two_sided"])]
-    radius: Option<f64>,
+    pub radius: Option<f64>,
 
     /// Direction in which a rectangle emits
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
-    direction: Option<Vec3>,
+    pub direction: Option<Vec3>,
 
     /// Let a rectangle emit from both sides
     #[arg(long)]
-    two_sided: bool,
+    pub two_sided: bool,
 
     /// Luminance of the radiance; 1 is the photo's white
     #[arg(long, value_name = "L", value_parser = parse::positive, allow_hyphen_values = true)]
-    radiance: Option<f64>,
+    pub radiance: Option<f64>,
 
     /// Power instead of --radiance: pi times radiance times area, in watts as in Blender
     #[arg(long, value_name = "W", value_parser = parse::positive, allow_hyphen_values = true)]
-    power: Option<f64>,
+    pub power: Option<f64>,
 
     /// Colour: a temperature such as 3000K, or linear R,G,B
     #[arg(long, value_name = "KELVIN|R,G,B", value_parser = parse::light_color, default_value = "1,1,1")]
-    color: LightColor,
-
-    #[command(flatten)]
-    file: FileArgs,
+    pub color: LightColor,
 }
 
 #[derive(Debug, clap::Args)]
@@ -256,11 +270,12 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         None => {}
         Some(Edit::Set(args)) => set(&mut document, args)?,
         Some(Edit::Add(AddArgs::Sun(args))) => {
-            let sun = sun(&document.estimate, args, &Stages::new(global.quiet))?;
+            let (sun, note) = sun(&document.estimate, &args.sun)?;
+            note.iter().for_each(|note| Stages::new(global.quiet).note(note));
             add(&mut document, sun)?;
         }
         Some(Edit::Add(AddArgs::Area(args))) => {
-            let area = area(&document.estimate, args)?;
+            let area = area(&document.estimate, &args.area)?;
             add(&mut document, area)?;
         }
         Some(Edit::Remove(args)) => remove(&mut document, &args.id)?,
@@ -285,12 +300,20 @@ fn set(document: &mut Document, args: &SetArgs) -> anyhow::Result<()> {
     if document.light_edits.change(&args.id, found_at_m, change) { Ok(()) } else { Err(full()) }
 }
 
-fn add(document: &mut Document, light: AnalyticLight) -> anyhow::Result<()> {
+/// Adds a light and returns its name.
+///
+/// # Errors
+/// A value is out of range, or the scene has the maximum of added lights.
+pub fn add(document: &mut Document, light: AnalyticLight) -> anyhow::Result<String> {
     check(light.invalid_field())?;
-    document.light_edits.add(light).map(|_| ()).ok_or_else(full)
+    document.light_edits.add(light).ok_or_else(full)
 }
 
-fn remove(document: &mut Document, id: &str) -> anyhow::Result<()> {
+/// Removes an added light.
+///
+/// # Errors
+/// No added light has this name.
+pub fn remove(document: &mut Document, id: &str) -> anyhow::Result<()> {
     if document.light_edits.remove(id) {
         return Ok(());
     }
@@ -307,7 +330,11 @@ fn full() -> anyhow::Error {
     Usage(format!("the scene already has the maximum of {MAX_LIGHT_EDITS} such lights")).into()
 }
 
-fn sun(estimate: &Arc<Estimate>, args: &SunArgs, stages: &Stages) -> anyhow::Result<AnalyticLight> {
+/// Returns a sun, and what is to be told about it.
+///
+/// # Errors
+/// The direction is missing, or the photo does not support it.
+pub fn sun(estimate: &Arc<Estimate>, args: &SunValues) -> anyhow::Result<(AnalyticLight, Option<String>)> {
     let direction = match (args.shadow, args.azimuth, args.elevation) {
         (Some(shadow), ..) => direction_from_shadow(estimate, shadow, args.strength.is_some())?,
         (None, Some(azimuth), Some(elevation)) => lo_lights::sun_direction(estimate, azimuth, elevation),
@@ -317,7 +344,7 @@ fn sun(estimate: &Arc<Estimate>, args: &SunArgs, stages: &Stages) -> anyhow::Res
     if let Some(strength) = args.strength {
         let shape = LightShape::Sun { direction, angular_radius_deg, of_photo: false };
         let color = args.color.unwrap_or(LightColor::Rgb([1.0; 3]));
-        return Ok(light_with_luminance(shape, color, |extent| strength as f32 / extent));
+        return Ok((light_with_luminance(shape, color, |extent| strength as f32 / extent), None));
     }
     let [azimuth, elevation] = lo_lights::sun_angles_deg(estimate, direction);
     let angles = format!("azimuth {azimuth:.0}°, elevation {elevation:.0}°");
@@ -329,12 +356,13 @@ fn sun(estimate: &Arc<Estimate>, args: &SunArgs, stages: &Stages) -> anyhow::Res
     })?;
     let own = luminance(found.light.radiance);
     let clipped = if found.clipped { " at least, because the photo is clipped there" } else { "" };
-    stages.note(&format!(
+    let note = format!(
         "the photo's own sun: {angles}, strength {:.1}{clipped}; it shines on {:.1} % of the observed surfaces",
         own * found.light.extent(),
         100.0 * found.lit_share
-    ));
-    Ok(args.color.map_or(found.light, |color| light_with_luminance(found.light.shape, color, |_| own)))
+    );
+    let light = args.color.map_or(found.light, |color| light_with_luminance(found.light.shape, color, |_| own));
+    Ok((light, Some(note)))
 }
 
 /// Computes the sun's direction from the pixels of an occluder and its shadow.
@@ -384,7 +412,11 @@ fn shadow_error_text(estimate: &Estimate, [u, v]: [f64; 2], error: ShadowError) 
     )
 }
 
-fn area(estimate: &Estimate, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {
+/// Returns an area light.
+///
+/// # Errors
+/// Shape or direction are missing.
+pub fn area(estimate: &Estimate, args: &AreaValues) -> anyhow::Result<AnalyticLight> {
     let up = estimate.up();
     let shape = match (args.size, args.direction, args.radius) {
         (Some(size_m), Some(direction), _) => lo_lights::rectangle(args.at, direction, up, size_m, args.two_sided),
@@ -541,13 +573,6 @@ fn scale(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(scale) if (0.0..=MAX_LIGHT_SCALE).contains(&scale) => Ok(scale),
         _ => Err(format!("must be a number from 0 to {MAX_LIGHT_SCALE}")),
-    }
-}
-
-fn elevation(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(angle) if (-90.0..=90.0).contains(&angle) => Ok(angle),
-        _ => Err("must be a number of degrees from -90 to 90".to_owned()),
     }
 }
 

@@ -169,6 +169,14 @@ pub fn angle_deg(text: &str) -> Result<f64, String> {
     within(text, 3600.0, "degrees")
 }
 
+/// Parses an angle above the horizon, −90 to 90 degrees.
+pub fn elevation_deg(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(angle) if (-90.0..=90.0).contains(&angle) => Ok(angle),
+        _ => Err("must be a number of degrees from -90 to 90".to_owned()),
+    }
+}
+
 /// Parses an exposure within ± 40 stops.
 pub fn exposure_ev(text: &str) -> Result<f64, String> {
     within(text, 40.0, "stops")
