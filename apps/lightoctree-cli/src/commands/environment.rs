@@ -107,6 +107,22 @@ pub fn height([width, height]: [usize; 2]) -> anyhow::Result<usize> {
     Ok(height)
 }
 
+/// Default distance of a panorama from the surface at a pixel, in metres.
+pub const LIFT_M: f64 = 0.1;
+
+/// Greatest distance to which it is raised, in metres.
+const MAX_LIFT_M: f64 = 1.0;
+
+/// Returns the least distance from a surface, of at least [`LIFT_M`], at which a panorama is outside of the octree's
+/// leaves; [`LIFT_M`] if that is too far.
+pub fn free_lift(scene: &LitScene, surface: Vec3, normal: Vec3) -> f64 {
+    let step = f64::from(scene.light.cube.node_edge_m(scene.light.octree.depth())) / 4.0;
+    let steps = ((MAX_LIFT_M - LIFT_M) / step) as u32;
+    let lifts = (0..=steps).map(|index| LIFT_M + f64::from(index) * step);
+    let is_free = |lift: &f64| unusual_position(scene, surface + normal * *lift as f32).is_none();
+    lifts.into_iter().find(is_free).unwrap_or(LIFT_M)
+}
+
 /// Describes a position at which a panorama is rarely useful: inside a surface's leaf, or outside the cube.
 pub fn unusual_position(scene: &LitScene, point: Vec3) -> Option<&'static str> {
     let light = &scene.light;

@@ -52,9 +52,9 @@ pub struct Args {
     #[arg(long, value_name = "U,V", value_parser = parse::pixel, allow_hyphen_values = true)]
     pixel: Option<[f64; 2]>,
 
-    /// Distance from the surface at --pixel, in metres
-    #[arg(long, value_name = "METRES", default_value_t = 0.1, value_parser = parse::positive, allow_hyphen_values = true, conflicts_with = "at")]
-    lift: f64,
+    /// Distance from the surface at --pixel, in metres [default: 0.1, more where that is inside of the octree's leaves]
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, allow_hyphen_values = true, conflicts_with = "at")]
+    lift: Option<f64>,
 
     #[command(flatten)]
     panorama: EnvironmentArgs,
@@ -121,12 +121,18 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         (Some(at), _) => at,
         (None, Some([u, v])) => {
             let (point, normal) = insert::surface_at_pixel(&scene, u, v)?;
-            point + normal * args.lift as f32
+            let lift = args.lift.unwrap_or_else(|| environment::free_lift(&scene, point, normal));
+            if args.lift.is_none() && lift > environment::LIFT_M {
+                stages.note(&format!(
+                    "{lift:.2} m from the surface: leaves reach that far; set the distance with --lift"
+                ));
+            }
+            point + normal * lift as f32
         }
         (None, None) => return Err(Usage("give the position with --at X,Y,Z or --pixel U,V".into()).into()),
     };
     if !is_position(at) {
-        return Err(Usage(format!("--lift {} places the map more than 10 km away", args.lift)).into());
+        return Err(Usage("--lift places the map more than 10 km away".into()).into());
     }
     if let Some(position) = environment::unusual_position(&scene, at) {
         stages.note(&format!("({}, {}, {}) is {position}", at.x, at.y, at.z));

@@ -510,6 +510,26 @@ fn objects_stand_upright_and_panoramas_are_level_where_the_camera_is_tilted() {
 }
 
 #[test]
+fn a_map_at_a_pixel_is_outside_of_leaves() {
+    let folder = room_with_scene();
+    let at = folder.path();
+    let envmap = |place: &[&str]| {
+        let mut command = Command::cargo_bin("lightoctree").unwrap();
+        let args = ["envmap", "room.scene", "--size", "32x16", "-o", "light.exr", "--force", "--json"];
+        let output = command.current_dir(at).args([&args[..], place].concat()).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let summary = json(&String::from_utf8(output.stdout).unwrap());
+        let y = summary["position_m"][1].as_f64().unwrap();
+        (y + 1.2, String::from_utf8(output.stderr).unwrap())
+    };
+    let (height, notes) = envmap(&["--pixel", "72,95"]);
+    assert!((0.09..0.5).contains(&height) && !notes.contains("inside of a surface"), "{height} {notes}");
+    assert_eq!(height > 0.11, notes.contains("set the distance with --lift"), "{height} {notes}");
+    let (height, notes) = envmap(&["--pixel", "72,95", "--lift", "0.01"]);
+    assert!(height < 0.03 && notes.contains("inside of a surface"), "{height} {notes}");
+}
+
+#[test]
 fn export_writes_all_three_formats() {
     let folder = room_with_scene();
     for format in ["ply", "glb", "usda"] {
