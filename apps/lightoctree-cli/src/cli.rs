@@ -46,7 +46,7 @@ pub enum Command {
     Inspect(commands::inspect::Args),
     /// List and edit the lights of a scene
     Lights(commands::lights::Args),
-    /// Convert a scene to PLY, glTF or USD
+    /// Convert a scene to PLY, glTF, USD or a web page
     Export(commands::export::Args),
     /// Convert photos of a mirror ball to an HDR panorama
     Unwrap(commands::unwrap::Args),

@@ -145,8 +145,18 @@ pub fn write(
 ) -> anyhow::Result<()> {
     let turned = imaging::reorient(radiance, Orientation::Lightoctree, args.orientation);
     imaging::write_radiance(path, &turned, &exr_options(args, at, EnvironmentLayout::LatitudeLongitude, command))?;
+    write_preview(path, &turned, args, command)
+}
+
+/// Writes the preview of an image beside it, if it is requested.
+pub fn write_preview(
+    path: &Path,
+    radiance: &RadianceImage,
+    args: &PanoramaFileArgs,
+    command: &str,
+) -> anyhow::Result<()> {
     if args.preview {
-        imaging::write_tone_mapped(preview_path(path), &turned, args.tone, args.preview_ev, &signature(command))?;
+        imaging::write_tone_mapped(preview_path(path), radiance, args.tone, args.preview_ev, &signature(command))?;
     }
     Ok(())
 }

@@ -178,7 +178,9 @@ fn write(
         };
         let options =
             environment::exr_options(&args.panorama.file, Some((at, frame)), EnvironmentLayout::Cube, COMMAND);
-        imaging::write_radiance(&args.out.output, &cube.strip(), &options)?;
+        let strip = cube.strip();
+        imaging::write_radiance(&args.out.output, &strip, &options)?;
+        environment::write_preview(&args.out.output, &strip, &args.panorama.file, COMMAND)?;
     } else {
         environment::write(&args.out.output, shown, Some((at, frame)), &args.panorama.file, COMMAND)?;
     }

@@ -113,7 +113,6 @@ fn write_page(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
     let mut document = stages.stage("read scene", || Document::read(&args.scene))?;
     let scene = args.light.lit(&mut document, LightPurpose::Export, &mut stages)?;
-    output::prepare_folder(folder, PAGE, COMMAND, args.out.force)?;
     let title = args.scene.file_stem().unwrap_or_default().to_string_lossy();
     let written = lightoctree::export_web(&scene, &title, folder, &mut |event| stages.handle(event))?;
     if args.out.json {

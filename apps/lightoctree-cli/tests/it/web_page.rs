@@ -113,7 +113,7 @@ fn the_page_shows_the_object_as_insert_does() {
     assert_ne!(mean(&chrome, place, 0.5 * radius * scale), mean(&of_page, place, 0.5 * radius * scale));
     let suzanne = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../crates/lightoctree/models/suzanne.glb");
     browser.drop_file("broken.glb", b"no model");
-    browser.wait("document.getElementById('status').textContent.startsWith('broken.glb cannot be read')");
+    browser.wait("document.getElementById('status').textContent === 'broken.glb: this is no glTF binary (.glb)'");
     browser.drop_file("suzanne.glb", &std::fs::read(suzanne).unwrap());
     browser.wait("page.state.object === 'suzanne.glb'");
     assert!(browser.faults.is_empty(), "{:?}", browser.faults);

@@ -5,8 +5,12 @@ import { floats, integers } from "./room.js";
 import { medianCut } from "./median_cut.js";
 import * as models from "./model.js";
 
-const room = globalThis.lightoctreeRoom;
 const $ = (id) => document.getElementById(id);
+const room = globalThis.lightoctreeRoom;
+if (!room) {
+  $("status").textContent = "The file room.js is missing: it belongs beside index.html";
+  throw new Error("no room");
+}
 
 /** Where the object is and what it is; part of the address. */
 const state = {
@@ -18,11 +22,21 @@ const state = {
   height: NaN,
   /** Turn about the vertical, degrees. */
   turn: 0,
-  ...Object.fromEntries(
-    [...new URLSearchParams(location.hash.slice(1))].map(([name, value]) => [name, name === "object" ? value : Number(value)]),
-  ),
 };
-if (!models.names.includes(state.object)) state.object = "matte";
+
+/** Takes over what the address says, within its limits. */
+function readAddress() {
+  const said = new URLSearchParams(location.hash.slice(1));
+  if (models.names.includes(said.get("object"))) state.object = said.get("object");
+  for (const name of ["x", "y", "height", "turn"]) {
+    if (said.has(name)) state[name] = Number(said.get(name));
+  }
+  state.height = state.height > 0 ? limited(state.height) : NaN;
+  state.turn = Number.isFinite(state.turn) ? ((((state.turn + 180) % 360) + 360) % 360) - 180 : 0;
+}
+
+/** A height within the slider's limits. */
+const limited = (height) => Math.min(Math.max(height, 0.02), 3);
 
 const up = new THREE.Vector3().fromArray(room.up);
 const upright = new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 1, 0), up);
@@ -45,6 +59,7 @@ async function start() {
   geometry.setAttribute("position", new THREE.BufferAttribute(floats(room.mesh.positions), 3));
   geometry.setIndex(new THREE.BufferAttribute(integers(room.mesh.triangles), 1));
   geometry.computeVertexNormals();
+  smooth(geometry);
   shadow = new Shadow(geometry, photo);
   surfaces = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial());
   scene.add(shadow.mesh);
@@ -52,10 +67,18 @@ async function start() {
   environment.mapping = THREE.EquirectangularReflectionMapping;
   environment.minFilter = environment.magFilter = THREE.LinearFilter;
   pmrem = new THREE.PMREMGenerator(renderer);
+  readAddress();
   use(models.sphere(state.object));
   chooseStart();
   resize();
-  addEventListener("resize", resize);
+  new ResizeObserver(resize).observe($("frame"));
+  addEventListener("hashchange", () => {
+    readAddress();
+    use(models.sphere(state.object));
+    chooseStart();
+    label();
+    show();
+  });
   listen();
   globalThis.page = { state, show, isReady: true };
 }
@@ -77,11 +100,30 @@ function lens() {
 /** The direction of a pixel of the photo. */
 const ray = (x, y) => new THREE.Vector3((x - cx) / fx, (cy - y) / fy, -1).normalize();
 
-/** The surface at a pixel, or null. */
+/** The surface at a pixel, or null. Its normal is that of its surroundings. */
 function surfaceAt(x, y) {
+  if (!(x >= 0 && y >= 0 && x <= width && y <= height)) return null;
   raycaster.set(new THREE.Vector3(), ray(x, y));
   const [hit] = raycaster.intersectObject(surfaces);
-  return hit ? { point: hit.point, normal: hit.face.normal } : null;
+  return hit ? { point: hit.point, normal: hit.normal.normalize() } : null;
+}
+
+/** Averages the normals of neighbours: depth is noisy. */
+function smooth(geometry) {
+  const [index, normals] = [geometry.index.array, geometry.attributes.normal.array];
+  for (let round = 0; round < 6; round++) {
+    const sums = normals.slice();
+    for (let corner = 0; corner < index.length; corner++) {
+      const next = corner % 3 === 2 ? corner - 2 : corner + 1;
+      const [a, b] = [3 * index[corner], 3 * index[next]];
+      for (let axis = 0; axis < 3; axis++) {
+        sums[a + axis] += normals[b + axis];
+        sums[b + axis] += normals[a + axis];
+      }
+    }
+    normals.set(sums);
+    geometry.normalizeNormals();
+  }
 }
 
 /** Chooses what the address does not say: a level place in the lower middle of the photo, and a size by its distance. */
@@ -107,7 +149,7 @@ function use(next) {
 /** Puts the object on the surface of its pixel, lights it, and draws. Returns whether there is a surface. */
 function show() {
   const hit = surfaceAt(state.x, state.y);
-  $("status").textContent = hit ? "" : "The photo shows no surface there";
+  if (!hit) $("status").textContent = "The photo shows no surface there";
   if (hit) {
     model.position.copy(hit.point);
     model.quaternion.copy(upright).multiply(new THREE.Quaternion().setFromAxisAngle(new THREE.Vector3(0, 1, 0), (state.turn * Math.PI) / 180));
@@ -197,13 +239,9 @@ function listen() {
     if (surfaceAt(next.x, next.y)) change(next);
   });
   const resizeObject = (value) => {
-    const height = Math.min(Math.max(value, 0.02), 3);
-    $("height").value = height;
-    change({ height });
+    change({ height: limited(value) });
     label();
   };
-  $("height").value = state.height;
-  $("turn").value = state.turn;
   $("height").addEventListener("input", () => resizeObject(Number($("height").value)));
   $("turn").addEventListener("input", () => {
     change({ turn: Number($("turn").value) });
@@ -223,9 +261,10 @@ function listen() {
       // A size that is improbable for a thing in a room is another unit.
       resizeObject(height > 0.02 && height < 3 ? height : state.height);
       state.object = file.name;
+      $("status").textContent = "";
       label();
     } catch (error) {
-      $("status").textContent = `${file.name} cannot be read as glTF binary: ${error.message}`;
+      $("status").textContent = `${file.name}: ${error.message}`;
     }
   };
   $("model").addEventListener("change", ({ target }) => target.files[0] && open(target.files[0]));
@@ -238,6 +277,8 @@ function listen() {
 }
 
 function label() {
+  $("height").value = state.height;
+  $("turn").value = state.turn;
   for (const name of models.names) $(name).setAttribute("aria-pressed", String(state.object === name));
   $("height-text").textContent = state.height < 1 ? `${Math.round(100 * state.height)} cm` : `${state.height.toFixed(2)} m`;
   $("turn-text").textContent = `${Math.round(state.turn)}°`;

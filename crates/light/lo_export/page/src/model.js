@@ -16,12 +16,41 @@ export function sphere(name) {
   return new THREE.Group().add(mesh);
 }
 
+/** Extensions that three.js reads without further decoders. Others may be absent from a model, but not required. */
+const READ = [
+  "KHR_lights_punctual", "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_dispersion",
+  "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_iridescence", "KHR_materials_sheen",
+  "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume",
+  "KHR_mesh_quantization", "KHR_texture_transform", "EXT_materials_bump", "EXT_mesh_gpu_instancing",
+  "EXT_texture_avif", "EXT_texture_webp",
+];
+
+/** Refuses files that are no whole glTF binary, and those that need an unknown extension. */
+export function check(bytes) {
+  const view = new DataView(bytes);
+  if (bytes.byteLength < 20 || view.getUint32(0, true) !== 0x46546c67) throw new Error("this is no glTF binary (.glb)");
+  if (view.getUint32(8, true) > bytes.byteLength) throw new Error("the file is cut off");
+  const text = new TextDecoder().decode(new Uint8Array(bytes, 20, view.getUint32(12, true)));
+  const unknown = (JSON.parse(text).extensionsRequired ?? []).filter((name) => !READ.includes(name));
+  if (unknown.length) throw new Error(`the model needs ${unknown.join(", ")}; save it without compression`);
+}
+
 /** Reads a glTF binary; the model is scaled to height 1, and stands on the origin. */
 export async function read(file) {
-  const { scene } = await new GLTFLoader().parseAsync(await file.arrayBuffer(), "");
+  const bytes = await file.arrayBuffer();
+  check(bytes);
+  const { scene } = await new GLTFLoader().parseAsync(bytes, "");
+  const [others, solid] = [[], []];
+  scene?.traverse((thing) => {
+    if (thing.isLight) others.push(thing);
+    if (thing.isMesh) solid.push(thing);
+  });
+  if (!solid.length) throw new Error("the model has no triangles");
+  // The room lights it.
+  for (const light of others) light.removeFromParent();
   const box = new THREE.Box3().setFromObject(scene, true);
   const size = box.getSize(new THREE.Vector3());
-  if (!(size.length() > 0)) throw new Error(`${file.name}: the file has no visible triangles`);
+  if (!(size.length() > 0)) throw new Error("the model has no size");
   const centre = box.getCenter(new THREE.Vector3());
   // Flat things are scaled by their width.
   const height = size.y > 0.02 * size.length() ? size.y : size.length();

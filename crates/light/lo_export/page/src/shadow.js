@@ -71,6 +71,8 @@ const SURFACE_FRAGMENT = `
       if (flux.g > 0.0) through += flux * visible(light, at - centre);
     }
     vec3 share = (through + 1e-6) / (all + 1e-6);
+    // Far away the few samples are noise.
+    share = mix(share, vec3(1.0), smoothstep(5.0, 9.0, distance(at, centre) / extent));
     gl_FragColor = vec4(texture2D(photo, gl_FragCoord.xy / size).rgb * share, 1.0);
     #include <colorspace_fragment>
   }`;
@@ -128,7 +130,15 @@ export class Shadow {
     camera.updateProjectionMatrix();
     const parent = model.parent;
     this.scene.add(model);
-    const clear = renderer.getClearColor(new THREE.Color());
+    // Light passes through glass.
+    const clear = [];
+    model.traverse((thing) => {
+      const materials = [thing.material ?? []].flat();
+      const isClear = ({ transmission, transparent, opacity }) => transmission > 0.5 || (transparent && opacity < 0.5);
+      if (thing.isMesh && thing.visible && materials.length && materials.every(isClear)) clear.push(thing);
+    });
+    for (const thing of clear) thing.visible = false;
+    const colour = renderer.getClearColor(new THREE.Color());
     const alpha = renderer.getClearAlpha();
     renderer.setRenderTarget(this.heights);
     // Below everything: no occluder.
@@ -151,7 +161,8 @@ export class Shadow {
       renderer.render(this.scene, camera);
     });
     renderer.setRenderTarget(null);
-    renderer.setClearColor(clear, alpha);
+    renderer.setClearColor(colour, alpha);
+    for (const thing of clear) thing.visible = true;
     parent.add(model);
   }
 }
