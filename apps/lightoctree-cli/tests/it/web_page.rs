@@ -95,6 +95,19 @@ fn the_page_shows_the_object_as_insert_does() {
     ];
     assert!(ours[1] < 0.85 * bare[1] && theirs[1] < 0.85 * bare[1], "{ours:?} {theirs:?} {bare:?}");
 
+    // A plain address, and nonsense, find a place by themselves.
+    for state in ["", "x=NaN&y=3&height=-1&turn=1e400&object=glass", "x=99999&y=-4&height=1e9&turn=725"] {
+        shown(&mut browser, &page, state, [960, 820]);
+        let found = browser.value("[page.state.x, page.state.y, page.state.height, page.state.turn]");
+        let numbers = found.as_array().unwrap().iter().map(|value| value.as_f64().unwrap_or(f64::NAN));
+        let [x, y, height, turn]: [f64; 4] = numbers.collect::<Vec<_>>().try_into().unwrap();
+        assert!((0.0..1920.0).contains(&x) && (0.0..1440.0).contains(&y), "{state}: {found}");
+        assert!((0.02..=3.0).contains(&height) && (-180.0..180.0).contains(&turn), "{state}: {found}");
+        browser.wait("document.getElementById('status').textContent === ''");
+    }
+    browser.value("location.hash = '#object=matte&x=800&y=1150&height=0.4'");
+    browser.wait("page.state.x === 800 && page.state.height === 0.4 && page.state.turn === 0");
+
     // It is dragged, changes to chrome, and gives way to a model.
     let point = browser.value(
         "(() => { const box = document.getElementById('view').getBoundingClientRect();
