@@ -12,20 +12,16 @@ if (!room) {
   throw new Error("no room");
 }
 
-/** Where the object is and what it is; part of the address. */
-const state = {
-  object: "matte",
-  /** The pixel of the photo on whose surface the object stands. */
-  x: NaN,
-  y: NaN,
-  /** Height in metres. */
-  height: NaN,
-  /** Turn about the vertical, degrees. */
-  turn: 0,
-};
+/**
+ * What the object is and where: the pixel of the photo on whose surface it stands, its height in metres, its turn about
+ * the vertical in degrees. NaN is to be chosen.
+ */
+const UNKNOWN = { object: "matte", x: NaN, y: NaN, height: NaN, turn: 0 };
+const state = { ...UNKNOWN };
 
 /** Takes over what the address says, within its limits. */
 function readAddress() {
+  Object.assign(state, UNKNOWN);
   const said = new URLSearchParams(location.hash.slice(1));
   if (models.names.includes(said.get("object"))) state.object = said.get("object");
   for (const name of ["x", "y", "height", "turn"]) {
