@@ -365,11 +365,11 @@ impl Scene {
         self.edit(py, |document| lights::change(document, id, on, scale, color, at))
     }
 
-    /// Adds a sun and returns its name in `lights`. Its direction is `azimuth_deg`, to the right of the camera's heading,
-    /// and `elevation_deg`, or that of a `shadow`: (u, v, u, v), a pixel of what casts it and one of the shadow.
+    /// Adds a sun and returns its name in `lights`. Its direction is `azimuth_deg`, to the right of the camera's
+    /// heading, and `elevation_deg`, or that of a `shadow`: (u, v, u, v), a pixel of what casts it and one of the shadow.
     ///
-    /// `strength` is the irradiance on a surface that faces the sun; π makes a white one as bright as the photo's white.
-    /// Without it, the sun is the photo's own, which the photo's sun patches tell. `angle_deg` is its diameter.
+    /// `strength` is the irradiance on a surface that faces the sun; π makes a white one as bright as the photo's
+    /// white. Without it, the sun is the photo's own, which the photo's sun patches tell. `angle_deg` is its diameter.
     #[pyo3(
         signature = (
             *, azimuth_deg = None, elevation_deg = None, shadow = None, strength = None, angle_deg = 0.53, color = None
@@ -408,8 +408,8 @@ impl Scene {
     /// Adds an area light and returns its name in `lights`: a rectangle of `size` (width, height) that emits towards
     /// `direction`, or a sphere of `radius`, in metres.
     ///
-    /// `radiance` is its luminance, 1 the photo's white; `power` instead of it is in watts as in Blender. It is not drawn
-    /// in the photo, and does not block light.
+    /// `radiance` is its luminance, 1 the photo's white; `power` instead of it is in watts as in Blender. It is not
+    /// drawn in the photo, and does not block light.
     #[pyo3(
         signature = (
             at, *, size = None, radius = None, direction = None, two_sided = false, radiance = None, power = None,
