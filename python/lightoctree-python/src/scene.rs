@@ -366,7 +366,8 @@ impl Scene {
     }
 
     /// Adds a sun and returns its name in `lights`. Its direction is `azimuth_deg`, to the right of the camera's
-    /// heading, and `elevation_deg`, or that of a `shadow`: (u, v, u, v), a pixel of what casts it and one of the shadow.
+    /// heading, and `elevation_deg`, or that of a `shadow`: (u, v, u, v), a pixel of what casts it and one of the
+    /// shadow.
     ///
     /// `strength` is the irradiance on a surface that faces the sun; π makes a white one as bright as the photo's
     /// white. Without it, the sun is the photo's own, which the photo's sun patches tell. `angle_deg` is its diameter.
