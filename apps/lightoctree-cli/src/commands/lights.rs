@@ -348,6 +348,11 @@ pub fn sun(estimate: &Arc<Estimate>, args: &SunValues) -> anyhow::Result<(Analyt
     }
     let [azimuth, elevation] = lo_lights::sun_angles_deg(estimate, direction);
     let angles = format!("azimuth {azimuth:.0}°, elevation {elevation:.0}°");
+    if elevation < 0.0 {
+        let text =
+            format!("the photo's own sun is above the horizon, not at {angles}; with --strength it may be below");
+        return Err(Usage(text).into());
+    }
     let found = sun_from_photo(estimate, direction, angular_radius_deg).ok_or_else(|| {
         Usage(format!(
             "the photo shows no sun patches with sharp edges on surfaces that face this sun ({angles}); with --strength it shines \

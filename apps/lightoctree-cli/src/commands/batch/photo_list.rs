@@ -141,7 +141,13 @@ fn name_in(folder: &Path, path: &Path) -> anyhow::Result<PathBuf> {
     // Of the photo only the folder, so that a missing photo has a name, too, and a link its own.
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let real = folder.canonicalize().with_context(|| format!("cannot read the folder {}", folder.display()))?;
-    let real_parent = parent.canonicalize().with_context(|| format!("cannot read the folder {}", parent.display()))?;
+    let real_parent = parent.canonicalize().with_context(|| {
+        format!(
+            "{}: cannot read the folder {}; paths are relative to the current folder, not to --root",
+            path.display(),
+            parent.display()
+        )
+    })?;
     match real_parent.strip_prefix(&real) {
         Ok(inside) => Ok(inside.join(file_name(path)?)),
         Err(_) => Err(Usage(format!("{} is outside of --root {}", path.display(), folder.display())).into()),
