@@ -2,6 +2,7 @@
 
 import bpy
 
+from .empty import layer_collections
 from .names import MADE, ROLE, ROOM, SCENE, SHARED, all_rooms, is_empty_room
 
 # What the objects of an exported room are for, by their names in the file.
@@ -37,7 +38,8 @@ def imported(context, collection, usd):
     active_layer, active, selected = layer.active_layer_collection, layer.objects.active, context.selected_objects
     known = set(bpy.data.objects)
     images = set(bpy.data.images)
-    layer.active_layer_collection = layer_collection(layer.layer_collection, collection)
+    entries = layer_collections(layer.layer_collection)
+    layer.active_layer_collection = next(entry for entry in entries if entry.collection == collection)
     try:
         bpy.ops.wm.usd_import(
             filepath=usd,
@@ -59,14 +61,6 @@ def imported(context, collection, usd):
             image.pack()
         image.filepath = "//" + bpy.path.basename(image.filepath)
     return [thing for thing in bpy.data.objects if thing not in known]
-
-
-def layer_collection(within, collection):
-    """The view layer's entry of a collection."""
-    if within.collection == collection:
-        return within
-    found = (layer_collection(child, collection) for child in within.children)
-    return next((child for child in found if child is not None), None)
 
 
 def fill(collection, objects, room, units_per_m):

@@ -32,6 +32,11 @@ def group_of(scene, collection):
         scale = photo_scale(group)
         if scale is not None:
             set_framing(scale, framing(scene, collection))
+    return chosen(scene, room)
+
+
+def chosen(scene, room):
+    """Returns the node group for the scene's engine, or None."""
     return room.compositing if scene.render.engine == "CYCLES" else room.shading
 
 
@@ -205,8 +210,7 @@ def disconnect(scene):
 
 def remove_own(tree):
     """Removes a room's nodes but the output. Returns to what they were linked."""
-    over = next((node for node in tree.nodes if node.get(MADE) == OVER), None)
-    last = next((node for node in tree.nodes if node.get(MADE) == OUTPUT), None)
+    over, last = made(tree, OVER), made(tree, OUTPUT)
     # A node without its group has no sockets.
     targets = [link.to_socket for output in over.outputs for link in output.links] if over else []
     if not targets and last:
@@ -214,6 +218,11 @@ def remove_own(tree):
     for node in [node for node in tree.nodes if node.get(MADE) in (INPUT, OVER)]:
         tree.nodes.remove(node)
     return targets
+
+
+def made(tree, purpose):
+    """Returns the room's node for a purpose, or None."""
+    return next((node for node in tree.nodes if node.get(MADE) == purpose), None)
 
 
 def own_tree(scene):
@@ -259,9 +268,7 @@ def is_current(scene, collection):
     """Returns whether the room's group is connected, and is the one for the scene's engine and size."""
     if not is_rooms(scene):
         return True
-    room = collection.room_light
-    group = room.compositing if scene.render.engine == "CYCLES" else room.shading
-    over = next((node for node in current(scene).nodes if node.get(MADE) == OVER), None)
+    group, over = chosen(scene, collection.room_light), made(current(scene), OVER)
     if group is None or over is None or over.node_tree != group:
         return False
     scale = photo_scale(group)

@@ -36,7 +36,7 @@ impl Export {
     pub fn write(&self, document: &Document, reporter: &mut Reporter) -> Result<Vec<PathBuf>, Failure> {
         let (scene, report) = document.lit_with_report(LightPurpose::Export)?;
         report.fit.warning().iter().for_each(|warning| reporter.warn(warning));
-        let lights = if matches!(self.format, Format::Ply | Format::Usdz) { Vec::new() } else { document.lights() };
+        let lights = if self.format.has_lamps() { document.lights() } else { Vec::new() };
         let mut panoramas = Vec::new();
         if !self.probes.is_empty() {
             let renderer = SceneRenderer::new(&scene);

@@ -150,7 +150,7 @@ fn write_file(global: &Global, args: &Args, format: Format) -> anyhow::Result<()
     let mut stages = Stages::new(global.quiet);
     let mut document = stages.stage("read scene", || Document::read(&args.scene))?;
     let scene = args.light.lit(&mut document, LightPurpose::Export, &mut stages)?;
-    let lights = if matches!(format, Format::Ply | Format::Usdz) { Vec::new() } else { document.lights() };
+    let lights = if format.has_lamps() { document.lights() } else { Vec::new() };
     let renderer = PanoramaRenderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;
     let mut panoramas = Vec::new();
     for &at in &args.probe_at {

@@ -19,6 +19,11 @@ pub enum Format {
 impl Format {
     /// All formats.
     pub const ALL: [Self; 4] = [Self::Ply, Self::Glb, Self::Usda, Self::Usdz];
+
+    /// Returns whether the format stores lamps.
+    pub fn has_lamps(self) -> bool {
+        matches!(self, Self::Glb | Self::Usda)
+    }
 }
 
 impl fmt::Display for Format {

@@ -125,12 +125,11 @@ pub fn write(scene: &LitScene, options: &Options, path: impl AsRef<Path>) -> Res
     let level = if is_level { WorldFrame::of(scene.room.as_ref())? } else { WorldFrame::CAMERA };
     let probe = |(index, probe): (usize, &LightProbe)| ProbeFile::beside(path, index, format, *probe, level);
     let probes: Vec<ProbeFile> = options.probes.iter().enumerate().map(probe).collect::<Result<_, _>>()?;
-    let mut lamps = match format {
-        Format::Ply | Format::Usdz => Vec::new(),
-        Format::Glb | Format::Usda => {
-            let places = lit_side::places(&scene.frame);
-            lamps::find_lamps(&lit_side::lit_sides(&scene.light, &leaves, lamps::WHITE, &places))
-        }
+    let mut lamps = if format.has_lamps() {
+        let places = lit_side::places(&scene.frame);
+        lamps::find_lamps(&lit_side::lit_sides(&scene.light, &leaves, lamps::WHITE, &places))
+    } else {
+        Vec::new()
     };
     if format == Format::Glb {
         lamps.retain(glb::has_lamp);
@@ -140,7 +139,7 @@ pub fn write(scene: &LitScene, options: &Options, path: impl AsRef<Path>) -> Res
     }
     let kept = lamps::face_emission(&leaves, &lamps);
     // Added lights have no leaves; their lamps have all of their light.
-    if let Some(edited) = scene.edited.as_ref().filter(|_| matches!(format, Format::Glb | Format::Usda)) {
+    if let Some(edited) = scene.edited.as_ref().filter(|_| format.has_lamps()) {
         let mut added = lamps::added_lamps(&edited.lights);
         names::name_added(&mut added, options.lights);
         lamps.extend(added);
@@ -209,8 +208,7 @@ fn usda_room(
 ) -> Result<String, ExportError> {
     let frame = &scene.frame;
     room.move_behind_photo(scene.surface());
-    let floor = scene.room.as_ref().and_then(lo_scene::Room::floor);
-    let photo = photo_mesh::from_frame(frame, floor);
+    let photo = photo_mesh::of_scene(scene);
 
     let options = ExrOptions { generator: header::SOFTWARE.to_owned(), half: true, ..ExrOptions::default() };
     let mut texture = |ending: &str, radiance: &RadianceImage| -> Result<usda::Texture, ExportError> {
@@ -219,9 +217,7 @@ fn usda_room(
         report.files.push(file.path);
         Ok(usda::Texture { file: file.name, space: "raw" })
     };
-    let atlas = atlas::Atlas::new(room.quads.len());
-    let of_room: RadianceImage = atlas.image(room.quads.len(), [0.0; 3], |quad, corner| room.radiance[quad][corner]);
-    let room_texture = texture("room.exr", &of_room)?;
+    let room_texture = texture("room.exr", &room.texture())?;
     let seen = restored.map(|radiance| texture("seen.exr", &radiance)).transpose()?;
     let shown_as_is = match &frame.photo {
         Photo::Srgb8(_) => true,

@@ -1,7 +1,7 @@
 //! The observed surface as one mesh with the photo as its texture.
 
 use lo_geometry::{Plane, Vec3};
-use lo_scene::Frame;
+use lo_scene::{Frame, LitScene, Room};
 
 /// Largest number of vertex columns; phone sensors have 256.
 const MAX_COLUMNS: usize = 320;
@@ -23,6 +23,11 @@ pub(crate) struct PhotoMesh {
     pub uvs: Vec<[f32; 2]>,
     /// Counter-clockwise seen from the camera.
     pub triangles: Vec<[u32; 3]>,
+}
+
+/// Creates the mesh of a scene, whose floor is flattened if it is known.
+pub(crate) fn of_scene(scene: &LitScene) -> PhotoMesh {
+    from_frame(&scene.frame, scene.room.as_ref().and_then(Room::floor))
 }
 
 /// Creates a vertex per reading, at a resolution that other programs can handle. The floor is flattened.

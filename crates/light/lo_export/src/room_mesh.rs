@@ -3,8 +3,10 @@
 use std::collections::HashMap;
 
 use lo_geometry::{Cube, Vec3};
+use lo_imaging::RadianceImage;
 use lo_scene::Frame;
 
+use crate::atlas::Atlas;
 use crate::free_space::{FACES, Leaf};
 use crate::lamps::FaceEmission;
 
@@ -19,6 +21,14 @@ pub(crate) struct RoomMesh {
     pub quads: Vec<[u32; 4]>,
     /// Linear RGB radiance at the corners of each quad.
     pub radiance: Vec<[[f32; 3]; 4]>,
+}
+
+impl RoomMesh {
+    /// Returns the radiance as a texture in the layout of [`Atlas`].
+    pub fn texture(&self) -> RadianceImage {
+        let quads = self.quads.len();
+        Atlas::new(quads).image(quads, [0.0; 3], |quad, corner| self.radiance[quad][corner])
+    }
 }
 
 /// Creates all exposed faces of the leaves of an octree of `depth`; `kept` is the part of each leaf's radiance that

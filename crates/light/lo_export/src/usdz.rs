@@ -2,12 +2,11 @@
 
 use std::io::{Cursor, Write};
 
-use lo_imaging::{Photo, RadianceImage};
-use lo_scene::{LitScene, Room};
+use lo_imaging::Photo;
+use lo_scene::LitScene;
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-use crate::atlas::Atlas;
 use crate::room_mesh::RoomMesh;
 use crate::shown_photo::shown_photo;
 use crate::world_frame::WorldFrame;
@@ -23,13 +22,10 @@ const TEXTURES: [&str; 2] = ["room.png", "photo.jpg"];
 /// Encodes the room's meshes with their textures. Radiance above the photo's white is clipped: textures of AR Quick
 /// Look have eight bits.
 pub fn encode(scene: &LitScene, mut room: RoomMesh, level: WorldFrame) -> Result<Vec<u8>, ExportError> {
-    let frame = &scene.frame;
     room.move_behind_photo(scene.surface());
-    let photo = photo_mesh::from_frame(frame, scene.room.as_ref().and_then(Room::floor));
+    let photo = photo_mesh::of_scene(scene);
     let stage = usda::encode_for_ar(&room, &photo, TEXTURES, level);
-    let atlas = Atlas::new(room.quads.len());
-    let of_room: RadianceImage = atlas.image(room.quads.len(), [0.0; 3], |quad, corner| room.radiance[quad][corner]);
-    let images = [Photo::Linear(of_room).into_srgb8(), shown_photo(frame)];
+    let images = [Photo::Linear(room.texture()).into_srgb8(), shown_photo(&scene.frame)];
     let mut files = vec![(STAGE, stage.into_bytes())];
     for (name, image) in TEXTURES.into_iter().zip(images) {
         files.push((name, lo_imaging::encode_srgb8(name, &image, lo_imaging::JPEG_QUALITY, header::SOFTWARE)?));

@@ -204,6 +204,9 @@ function listen() {
     const box = canvas.getBoundingClientRect();
     return { x: ((clientX - box.left) / box.width) * width, y: ((clientY - box.top) / box.height) * height };
   };
+  const moveTo = (x, y) => {
+    if (surfaceAt(x, y)) change({ x, y });
+  };
   let held = null;
   canvas.addEventListener("pointerdown", (event) => {
     if (event.button !== 0) return;
@@ -217,8 +220,7 @@ function listen() {
   canvas.addEventListener("pointermove", (event) => {
     if (!held) return;
     const at = pixel(event);
-    const next = { x: at.x + held.x, y: at.y + held.y };
-    if (surfaceAt(next.x, next.y)) change(next);
+    moveTo(at.x + held.x, at.y + held.y);
   });
   for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, () => (held = null));
   canvas.addEventListener("wheel", (event) => {
@@ -231,8 +233,7 @@ function listen() {
     const move = moves[event.key];
     if (!move) return;
     event.preventDefault();
-    const next = { x: state.x + move[0], y: state.y + move[1] };
-    if (surfaceAt(next.x, next.y)) change(next);
+    moveTo(state.x + move[0], state.y + move[1]);
   });
   const resizeObject = (value) => {
     change({ height: limited(value) });

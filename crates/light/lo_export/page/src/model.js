@@ -40,14 +40,14 @@ export async function read(file) {
   const bytes = await file.arrayBuffer();
   check(bytes);
   const { scene } = await new GLTFLoader().parseAsync(bytes, "");
-  const [others, solid] = [[], []];
+  const [lights, solid] = [[], []];
   scene?.traverse((thing) => {
-    if (thing.isLight) others.push(thing);
+    if (thing.isLight) lights.push(thing);
     if (thing.isMesh) solid.push(thing);
   });
   if (!solid.length) throw new Error("the model has no triangles");
   // The room lights it.
-  for (const light of others) light.removeFromParent();
+  lights.forEach((light) => light.removeFromParent());
   const box = new THREE.Box3().setFromObject(scene, true);
   const size = box.getSize(new THREE.Vector3());
   if (!(size.length() > 0)) throw new Error("the model has no size");

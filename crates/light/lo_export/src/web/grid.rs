@@ -1,7 +1,7 @@
 //! Where the page's light probes are.
 
 use lo_geometry::{Mat3, Vec3};
-use lo_scene::{Frame, LitScene, Room};
+use lo_scene::{Frame, LitScene};
 
 use crate::{Content, ExportError, photo_mesh};
 
@@ -38,12 +38,11 @@ impl WebGrid {
     /// # Errors
     /// If no pixel of the photo has depth.
     pub fn of(scene: &LitScene) -> Result<Self, ExportError> {
-        let room = scene.room.as_ref();
-        let mesh = photo_mesh::from_frame(&scene.frame, room.and_then(Room::floor));
+        let mesh = photo_mesh::of_scene(scene);
         if mesh.positions_m.is_empty() {
             return Err(ExportError::Nothing(Content::PhotoPoints));
         }
-        let axes = room.map_or(Mat3::IDENTITY, |room| room.level_from_camera().transpose());
+        let axes = scene.room.as_ref().map_or(Mat3::IDENTITY, |room| room.level_from_camera().transpose());
         let along = axes.transpose();
         let bounds: [[f32; 2]; 3] = std::array::from_fn(|axis| {
             let mut values: Vec<f32> = mesh.positions_m.iter().map(|&point| (along * point)[axis]).collect();

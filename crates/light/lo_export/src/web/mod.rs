@@ -9,7 +9,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use lo_geometry::Orientation;
 use lo_imaging::{DepthMap, RadianceImage};
-use lo_scene::{LitScene, Room};
+use lo_scene::LitScene;
 use serde_json::json;
 
 use crate::shown_photo::shown_photo;
@@ -69,7 +69,7 @@ pub fn write_web(
     let points = grid.points();
     assert_eq!(points.len(), probes.len(), "one probe for each point of the grid");
     let frame = &scene.frame;
-    let mesh = photo_mesh::from_frame(frame, scene.room.as_ref().and_then(Room::floor));
+    let mesh = photo_mesh::of_scene(scene);
     if mesh.triangles.is_empty() {
         return Err(ExportError::Nothing(crate::Content::PhotoPoints));
     }
