@@ -51,7 +51,8 @@ impl ConeTracer {
         StepTable::new(&self.settings, tan_half_angle, self.grid.max_level(), near, near + reach)
     }
 
-    pub(crate) fn leaf_edge_m(&self) -> f32 {
+    /// Returns the edge of the finest leaves in metres.
+    pub fn leaf_edge_m(&self) -> f32 {
         self.cube.edge_m / self.grid.side() as f32
     }
 }

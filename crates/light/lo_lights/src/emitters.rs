@@ -49,7 +49,7 @@ pub struct Emitter {
     pub kind: LightKind,
     /// Position and shape.
     pub surface: ClusterSurface,
-    /// Mean linear RGB radiance of the surface.
+    /// Mean linear RGB radiance of the surface, by the opacity of its leaves.
     pub radiance: Vec3,
     /// Mean linear RGB radiance above that of the surroundings: the part that edits change.
     pub excess: Vec3,
@@ -67,7 +67,7 @@ pub struct Emitter {
 pub(crate) struct EmitterLeaf {
     pub depth: usize,
     pub row: usize,
-    /// Area of the leaf's surface in the room, in m².
+    /// Area in m² of the leaf's surface in the room, times its opacity.
     pub area_m2: f32,
     /// Share, per channel, of the leaf's linear RGB radiance above that of the emitter's surroundings.
     pub share: Vec3,
@@ -107,7 +107,7 @@ pub fn emitters(scene: &LitScene) -> Vec<Emitter> {
 
 /// Returns the total light emitted by surfaces, π L A, where luminance 1 over 1 m² and 1 sr counts 1.
 fn emitted_light(leaves: &Leaves) -> f32 {
-    PI * leaves.all.iter().map(|leaf| leaf.luminance() * leaf.surface.area_m2).sum::<f32>()
+    PI * leaves.all.iter().map(|leaf| leaf.luminance() * leaf.emitting_area_m2()).sum::<f32>()
 }
 
 fn without_lobes(light: &LightOctree) -> LightOctree {
@@ -204,7 +204,7 @@ impl Halos {
 
 fn part(leaf: &Leaf, excess: Vec3) -> EmitterLeaf {
     let share = excess / leaf.radiance.max(Vec3::splat(1e-12));
-    EmitterLeaf { depth: leaf.depth as usize, row: leaf.row, area_m2: leaf.surface.area_m2, share }
+    EmitterLeaf { depth: leaf.depth as usize, row: leaf.row, area_m2: leaf.emitting_area_m2(), share }
 }
 
 /// Returns the radiance of the leaf of median luminance.
@@ -222,7 +222,7 @@ fn emitter(scene: &LitScene, leaves: &Leaves, core: &[usize], parts: Vec<Emitter
     let mean = |value: &dyn Fn(&Leaf) -> Vec3| {
         members().map(|leaf| value(leaf) * leaf.surface.area_m2).sum::<Vec3>() / surface.area_m2
     };
-    let radiance = mean(&|leaf| leaf.radiance);
+    let radiance = mean(&|leaf| leaf.radiance * leaf.opacity);
     // Total light of its leaves and their halo, over the surface of the former.
     let excess = parts.iter().map(|part| part.excess(&scene.light) * part.area_m2).sum::<Vec3>() / surface.area_m2;
     let flux_share = PI * luminance(excess) * surface.area_m2 / emitted_light(leaves).max(1e-9);

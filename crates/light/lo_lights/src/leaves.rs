@@ -6,13 +6,7 @@ use lo_octree::LightOctree;
 
 use crate::cap::luminance;
 use crate::shape::LeafSurface;
-use crate::split::exposed_normals;
-
-/// Half-angle tangent of the rays that test whether a face looks into the room.
-const RAY_TANGENT: f32 = 0.01;
-
-/// Opacity above which such a ray hit something. The back of a closed room's shell looks into empty space.
-const MET: f32 = 0.5;
+use crate::split::{MET, RAY_TANGENT, exposed_normals, opacity_behind};
 
 /// A non-empty node that is not split.
 #[derive(Clone, Copy, Debug)]
@@ -21,12 +15,19 @@ pub(crate) struct Leaf {
     pub key: u32,
     pub row: usize,
     pub radiance: Vec3,
+    /// Opacity of the leaf and of those behind it, mean over the faces of its surface.
+    pub opacity: f32,
     pub surface: LeafSurface,
 }
 
 impl Leaf {
     pub fn luminance(&self) -> f32 {
         luminance(self.radiance)
+    }
+
+    /// Returns the area in m² of an opaque surface that emits as much.
+    pub fn emitting_area_m2(&self) -> f32 {
+        self.opacity * self.surface.area_m2
     }
 }
 
@@ -51,7 +52,7 @@ impl Leaves {
                 vector_area_m2: Vec3::ZERO,
                 luminance: luminance(radiance),
             };
-            all.push(Leaf { depth, key, row: leaf.row, radiance, surface });
+            all.push(Leaf { depth, key, row: leaf.row, radiance, opacity: 0.0, surface });
         }
         let mut leaves = Self { all, index };
         leaves.find_surfaces(light, tracer);
@@ -74,17 +75,22 @@ impl Leaves {
         tracer.trace_batch(&cones, &mut samples);
         let closed = samples.iter().any(|sample| sample.opacity > MET);
         let mut axes = vec![Vec3::ZERO; self.all.len()];
+        let mut opacities = vec![(0.0, 0.0); self.all.len()];
         for ((i, normal), sample) in faces.into_iter().zip(&samples) {
             if !closed || sample.opacity > MET {
                 axes[i] += normal.abs();
-                let surface = &mut self.all[i].surface;
+                let Leaf { depth, surface, .. } = &mut self.all[i];
+                opacities[i].0 += opacity_behind(light, *depth, surface.centre_m, normal);
+                opacities[i].1 += 1.0;
                 surface.vector_area_m2 += normal * surface.edge_m * surface.edge_m;
             }
         }
         // The faces of a slanted wall form a staircase whose area exceeds the wall's by up to √3. The norm over the
         // axes is exact for diagonal walls, too.
-        for (leaf, axes) in self.all.iter_mut().zip(axes) {
+        for ((leaf, axes), (opacity, faces)) in self.all.iter_mut().zip(axes).zip(opacities) {
             leaf.surface.area_m2 = axes.length() * leaf.surface.edge_m * leaf.surface.edge_m;
+            leaf.opacity = if faces > 0.0 { opacity / faces } else { 0.0 };
+            leaf.surface.luminance *= leaf.opacity;
         }
     }
 

@@ -11,6 +11,7 @@
 //! Everything is linear in an emitter's light, at every position: twice the scale is twice the contribution.
 
 mod analytic;
+mod balance;
 mod cap;
 mod colour;
 mod edit;

@@ -5,7 +5,7 @@ use lo_geometry::Vec3;
 use lo_imaging::RadianceImage;
 use lo_lights::AnalyticLights;
 use lo_lookup::{Detail, PanoramaLookup, PhotoLookup, RadianceMap};
-use lo_scene::LitScene;
+use lo_scene::{Frame, LitScene};
 
 use crate::light::map;
 use crate::light::samples::Lights;
@@ -18,6 +18,9 @@ const LIGHT_SAMPLES: usize = 1024;
 
 /// Half-angle tangent of shadow rays.
 const SHADOW_RAY_TANGENT: f32 = 0.01;
+
+/// Assumed position of objects, as a share of the way from the camera to the surface.
+const OBJECT_SHARE: f32 = 0.75;
 
 /// Height in leaf edges above a real surface from which light is gathered; surfaces fill their leaves up to one edge.
 const LIFT_EDGES: f32 = 1.5;
@@ -58,6 +61,20 @@ struct Behind {
     tracer: ConeTracer,
     /// Made for the first glass, because it takes some tenths of a second.
     photo: OnceLock<PhotoLookup>,
+}
+
+/// Returns positions of the room where objects are likely: before what the photo shows, and at the camera.
+fn object_positions(frame: &Frame) -> Vec<Vec3> {
+    let (depth, camera) = (&frame.depth_m, frame.depth_camera());
+    let (columns, rows) = (3, 2);
+    let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
+    let position = |(column, row): (usize, usize)| {
+        let at = |index: usize, count: usize, size: usize| (2 * index + 1) * size / (2 * count);
+        let (x, y) = (at(column, columns, depth.width()), at(row, rows, depth.height()));
+        let depth_m = OBJECT_SHARE * depth[(x, y)];
+        (depth_m > 0.0).then(|| camera.unproject(x as f64 + 0.5, y as f64 + 0.5, f64::from(depth_m)))
+    };
+    std::iter::once(Vec3::ZERO).chain(cells.filter_map(position)).collect()
 }
 
 /// Lookups that sharpen reflections beyond the octree's resolution.
@@ -113,12 +130,7 @@ impl RoomLight {
         let lookups = counts.photo_lookup.then(|| Box::new(Lookups::new(scene, &whole)));
         let interpolated = Settings { sampling: Sampling::Interpolated, ..Settings::default() };
         let smooth = tracer(light, interpolated)?;
-        // The back of a closed room's shell faces empty space: a ray meets nothing before the end of the cube.
-        let faces_room = |origin: Vec3, normal: Vec3| {
-            let cone = Cone { origin, direction: normal, tan_half_angle: SHADOW_RAY_TANGENT };
-            whole.trace(&cone).opacity > 0.5
-        };
-        let (mut patches, rest) = lo_lights::split_octree(light, faces_room);
+        let (mut patches, rest) = lo_lights::split_octree(light, &whole, &object_positions(&scene.frame));
         let added = AnalyticLights::of(scene).map(Box::new);
         patches.extend(added.iter().flat_map(|lights| lights.patches()));
         let rest = tracer(&rest, Settings { min_transmittance: counts.min_transmittance, ..interpolated })?;
