@@ -1,7 +1,8 @@
 //! Checks of the workspace that no compiler makes, and its long tests.
 //!
 //! `cargo xtask` runs every enforced check, and so does `cargo test -p xtask`. `cargo xtask NAME` runs one check,
-//! enforced or not. `cargo xtask long [NAME]` lists or runs the ignored tests.
+//! enforced or not. `cargo xtask long [NAME]` lists or runs the ignored tests. `cargo xtask notices PACKAGE` prints the
+//! licences of the third-party packages in a program.
 
 mod deny;
 mod dependencies;
@@ -9,6 +10,7 @@ mod doc_tests;
 mod documents;
 mod features;
 mod long;
+mod notices;
 mod prose;
 mod publish;
 mod rings;
@@ -45,13 +47,17 @@ fn main() -> anyhow::Result<ExitCode> {
     match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [] => run(&workspace, CHECKS.iter().filter(|check| check.is_enforced)),
         ["long"] => long::run(&workspace, None).map(code),
+        ["notices", package] => notices::print(&workspace, package).map(|()| ExitCode::SUCCESS),
         ["long", name] => long::run(&workspace, Some(name)).map(code),
         [name] if CHECKS.iter().any(|check| check.name == name) => {
             run(&workspace, CHECKS.iter().filter(|check| check.name == name))
         }
         _ => {
             let names: Vec<_> = CHECKS.iter().map(|check| check.name).collect();
-            anyhow::bail!("usage: cargo xtask [{}] | cargo xtask long [NAME]", names.join("|"))
+            anyhow::bail!(
+                "usage: cargo xtask [{}] | cargo xtask long [NAME] | cargo xtask notices PACKAGE",
+                names.join("|")
+            )
         }
     }
 }

@@ -65,6 +65,11 @@ pub fn bytes(count: u64) -> String {
     unreachable!("the last unit has no upper bound")
 }
 
+/// Formats a number with its noun in the right form: `1 photo`, `2 photos`.
+pub fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -86,5 +91,10 @@ mod tests {
         assert_eq!(bytes(0), "0 B");
         assert_eq!(bytes(999_400), "999.4 kB");
         assert_eq!(bytes(7_250_000_000), "7.2 GB");
+    }
+
+    #[test]
+    fn nouns_have_their_number() {
+        assert_eq!([0, 1, 2].map(|count| counted(count, "photo")), ["0 photos", "1 photo", "2 photos"]);
     }
 }

@@ -126,11 +126,11 @@ fn write_page(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     let size = report::bytes(written.bytes);
     report::print(&format!(
-        "{}  {size} in {} files, {} probes, {} triangles",
+        "{}  {size} in {}, {}, {}",
         folder.join(PAGE).display(),
-        written.files.len(),
-        written.probes,
-        written.triangles
+        report::counted(written.files.len(), "file"),
+        report::counted(written.probes, "probe"),
+        report::counted(written.triangles, "triangle")
     ));
     Ok(())
 }

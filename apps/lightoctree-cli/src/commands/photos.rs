@@ -17,6 +17,7 @@ use super::lens::LensArgs;
 use super::parse;
 use crate::depth_units::DepthUnits;
 use crate::progress::Stages;
+use crate::report;
 use crate::usage::Usage;
 
 /// Options of several photos.
@@ -58,9 +59,11 @@ pub fn files<'a>(photos: &'a [PathBuf], depths: &'a [PathBuf]) -> anyhow::Result
                 "several photos need --depth with one file each, because predicted depths have no common scale";
             Err(Usage(format!("{count} photos without depth: {reason}")).into())
         }
-        (count, files) if count != files => {
-            Err(Usage(format!("{files} files of --depth for {count} photos; each photo needs one")).into())
-        }
+        (count, files) if count != files => Err(Usage(format!(
+            "{} of --depth for {count} photos; each photo needs one",
+            report::counted(files, "file")
+        ))
+        .into()),
         _ => Ok((photos, depths)),
     }
 }

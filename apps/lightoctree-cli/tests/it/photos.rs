@@ -159,7 +159,7 @@ fn bad_sets_of_photos_end_in_a_clear_line() {
     refused(
         2,
         &[&PHOTOS[..], &["--depth", "depth/0.exr", "--poses", "metadata.json"]].concat(),
-        "1 files of --depth for 3 photos",
+        "1 file of --depth for 3 photos",
     );
     refused(2, &with(&["--poses", "metadata.json", "--depth-is", "predicted"]), "no common scale");
     refused(2, &with(&["--poses", "metadata.json", "--exposures", "0,1"]), "2 exposures for 3 photos");

@@ -240,9 +240,19 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
     let progress = bar(global.quiet, count, "samples");
     let mut summary = Summary::default();
     let mut inspected = 0;
-    let mut inspect = |index: usize, sample: &Sample| {
-        summary.add(sample, dataset.split(index));
-        add_light(&mut summary, sample);
+    let mut damaged: Vec<String> = Vec::new();
+    let mut inspect = |index: usize, sample: anyhow::Result<Sample>| {
+        match sample {
+            Ok(sample) => {
+                summary.add(&sample, dataset.split(index));
+                add_light(&mut summary, &sample);
+            }
+            Err(error) => {
+                let message = report::error_message(&error);
+                progress.suspend(|| eprintln!("warning: {message}"));
+                damaged.push(message);
+            }
+        }
         progress.inc(1);
         inspected += 1;
         !interrupt::requested()
@@ -250,13 +260,13 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
     if count == dataset.len() {
         let config = LoaderConfig { shuffle: false, threads: threads(global), ..LoaderConfig::default() };
         for (index, sample) in Loader::new(Arc::clone(&dataset), config).enumerate() {
-            if !inspect(index, &sample?) {
+            if !inspect(index, sample.map_err(anyhow::Error::from)) {
                 break;
             }
         }
     } else {
         for index in evenly_spread(dataset.len(), count) {
-            if !inspect(index, &dataset.get(index)?) {
+            if !inspect(index, dataset.get(index).map_err(anyhow::Error::from)) {
                 break;
             }
         }
@@ -264,13 +274,16 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
     progress.finish_and_clear();
     let found = summary.report();
     if args.json {
-        let head = json!({ "layout": layout.name(), "samples_in_all": dataset.len(), "left_out": dataset.left_out(), "summary": found });
+        let head = json!({ "layout": layout.name(), "samples_in_all": dataset.len(), "left_out": dataset.left_out(), "damaged": damaged, "summary": found });
         report::print_json(&head)?;
     } else {
         report::print(&text(layout, &dataset, &found));
     }
     if inspected < count {
-        anyhow::bail!("stopped after {inspected} of {count} samples");
+        anyhow::bail!("stopped after {inspected} of {}", report::counted(count, "sample"));
+    }
+    if !damaged.is_empty() {
+        anyhow::bail!("{} of {} cannot be read", damaged.len(), report::counted(count, "sample"));
     }
     Ok(())
 }
@@ -312,12 +325,12 @@ fn text(layout: DatasetLayout, dataset: &Arc<dyn Dataset>, found: &SummaryReport
     };
     [
         format!(
-            "{}: {} samples, {} inspected, with {} panoramas and {} surface points{left_out}",
+            "{}: {}, {} inspected, with {} and {}{left_out}",
             layout.name(),
-            dataset.len(),
+            report::counted(dataset.len(), "sample"),
             found.samples,
-            found.views,
-            found.points
+            report::counted(found.views, "panorama"),
+            report::counted(found.points, "surface point")
         ),
         report::table(&["", "scenes", "samples"], &rows),
         report::table(&["per sample", "5 %", "25 %", "50 %", "75 %", "95 %", "mean"], &figures),

@@ -100,6 +100,12 @@ fn panoramas_become_shards() {
     assert_eq!(found["samples_in_all"].as_u64(), Some(6));
     assert_eq!((found["summary"]["samples"].as_u64(), found["summary"]["views"].as_u64()), (Some(4), Some(4)));
     done(at, &["dataset", "inspect", "maps", "--layout", "panoramas"]);
+
+    // A damaged file is named; all others are inspected.
+    let whole = std::fs::read(at.join("maps/attic.hdr")).unwrap();
+    std::fs::write(at.join("maps/attic.hdr"), &whole[..whole.len() / 2]).unwrap();
+    let message = refused(at, 1, &["dataset", "inspect", "maps", "--layout", "panoramas", "--crops", "1"]);
+    assert!(message.contains("attic.hdr") && message.contains("error: 1 of 2 samples cannot be read"), "{message}");
 }
 
 /// Writes six small panoramas of different brightness.

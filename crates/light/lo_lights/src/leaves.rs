@@ -5,8 +5,8 @@ use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 
 use crate::cap::luminance;
+use crate::face::{MET, RAY_TANGENT, exposed_normals, opacity_behind};
 use crate::shape::LeafSurface;
-use crate::split::{MET, RAY_TANGENT, exposed_normals, opacity_behind};
 
 /// A non-empty node that is not split.
 #[derive(Clone, Copy, Debug)]

@@ -16,6 +16,7 @@ mod cap;
 mod colour;
 mod edit;
 mod emitters;
+mod face;
 mod image_change;
 mod kind;
 mod leaves;

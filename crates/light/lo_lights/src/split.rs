@@ -1,20 +1,11 @@
-use lo_cone::{Cone, ConeTracer, Settings};
+use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
 use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 
+use crate::LightPatch;
 use crate::balance::balance;
 use crate::cap::{cap_of, excess};
-use crate::{LightPatch, PatchShape};
-
-/// Half-angle tangent of the rays that test whether a face looks into the room.
-pub(crate) const RAY_TANGENT: f32 = 0.01;
-
-/// Opacity above which such a ray hit something.
-pub(crate) const MET: f32 = 0.5;
-
-/// Number of leaves, from a face inwards, whose light leaves through it. Shells of inferred surfaces are up to this
-/// thick.
-const LAYERS: u32 = 4;
+use crate::face::{Face, MET, RAY_TANGENT, exposed_normals, nodes_behind};
 
 /// Splits a lighting octree at the cap into patches of light and the octree without their excess. The two add up to the
 /// whole, as cones of `tracer` see it from `eyes`.
@@ -30,36 +21,35 @@ pub fn split_octree(light: &LightOctree, tracer: &ConeTracer, eyes: &[Vec3]) -> 
     if excess.iter().flatten().all(|&light| light == Vec3::ZERO) {
         return (Vec::new(), dimmed);
     }
-    let mut patches = Vec::new();
+    let mut faces = Vec::new();
     for leaf in light.octree.leaf_nodes() {
         let centre = light.node_middle_m(leaf.depth, light.octree.key(leaf));
-        patches.extend(patches_of_leaf(light, leaf.depth, centre, &excess));
+        faces.extend(bright_faces(light, leaf.depth, centre, &excess));
     }
-    let inside: Vec<LightPatch> = patches.iter().filter(|patch| looks_into_room(patch, tracer)).copied().collect();
+    let inside = looking_into_room(&faces, tracer);
     // An octree that is not closed has no inside; then all faces count.
-    let mut patches = if inside.is_empty() { patches } else { inside };
+    let mut faces = if inside.is_empty() { faces } else { inside };
     let lamps = ConeTracer::new(&with(light.rows_with(|depth, row, _| excess[depth][row])), Settings::default());
     if let Ok(lamps) = lamps {
-        balance(&mut patches, tracer, &lamps, eyes);
+        balance(&mut faces, tracer, &lamps, eyes);
     }
-    (patches, dimmed)
+    (faces.into_iter().map(Face::patch).collect(), dimmed)
 }
 
-/// Returns whether a ray from before the face meets anything. The back of a closed room's shell looks into empty space.
-fn looks_into_room(patch: &LightPatch, tracer: &ConeTracer) -> bool {
-    let PatchShape::Square { centre, normal, edge_m } = patch.shape else { return false };
-    let cone = Cone { origin: centre + normal * 1.5 * edge_m, direction: normal, tan_half_angle: RAY_TANGENT };
-    tracer.trace(&cone).opacity > MET
+/// Returns the faces before which a ray meets anything. The back of a closed room's shell looks into empty space.
+fn looking_into_room(faces: &[Face], tracer: &ConeTracer) -> Vec<Face> {
+    let cone = |&Face { centre, normal, edge_m, .. }: &Face| {
+        let origin = centre + normal * 1.5 * edge_m;
+        Cone { origin, direction: normal, tan_half_angle: RAY_TANGENT }
+    };
+    let cones: Vec<Cone> = faces.iter().map(cone).collect();
+    let mut samples = vec![ConeSample::default(); cones.len()];
+    tracer.trace_batch(&cones, &mut samples);
+    faces.iter().zip(&samples).filter(|(_, sample)| sample.opacity > MET).map(|(face, _)| *face).collect()
 }
 
-/// Returns the bright faces of a leaf, as patches at the centre of the leaf, since the position of the surface in a leaf
-/// is unknown.
-fn patches_of_leaf(
-    light: &LightOctree,
-    depth: u32,
-    centre: Vec3,
-    excess: &[Vec<Vec3>],
-) -> impl Iterator<Item = LightPatch> {
+/// Returns the faces of a leaf that border on empty nodes and show bright leaves.
+fn bright_faces(light: &LightOctree, depth: u32, centre: Vec3, excess: &[Vec<Vec3>]) -> impl Iterator<Item = Face> {
     let edge_m = light.cube.node_edge_m(depth);
     exposed_normals(light, depth, centre).filter_map(move |normal| {
         let (mut radiance, mut passed) = (Vec3::ZERO, 1.0);
@@ -67,40 +57,7 @@ fn patches_of_leaf(
             radiance += excess[depth][row] * (passed * opacity);
             passed *= 1.0 - opacity;
         }
-        let shape = PatchShape::Square { centre, normal, edge_m };
-        (radiance != Vec3::ZERO).then_some(LightPatch { shape, radiance, extent: edge_m * edge_m })
-    })
-}
-
-/// Returns the share of what is behind a face that the nodes there stop, along the normal.
-pub(crate) fn opacity_behind(light: &LightOctree, depth: u32, centre: Vec3, normal: Vec3) -> f32 {
-    1.0 - nodes_behind(light, depth, centre, normal).map(|(.., opacity)| 1.0 - opacity).product::<f32>()
-}
-
-/// Iterates over the nodes behind a face of the node of this depth and centre, front to back, up to the first empty
-/// one: depth, row, and opacity of one edge of that node.
-fn nodes_behind(
-    light: &LightOctree,
-    depth: u32,
-    centre: Vec3,
-    normal: Vec3,
-) -> impl Iterator<Item = (usize, usize, f32)> {
-    let edge_m = light.cube.node_edge_m(depth);
-    (0..LAYERS).map_while(move |layer| {
-        let (found, node) = light.locate(centre - normal * (layer as f32 * edge_m), depth)?;
-        let row = usize::try_from(light.octree.levels()[found as usize].rows[node]).ok()?;
-        let alpha = light.rgba[found as usize][row][3];
-        let share = edge_m / light.cube.node_edge_m(found);
-        Some((found as usize, row, 1.0 - (1.0 - alpha).powf(share)))
-    })
-}
-
-/// Returns the normals of the faces that border on empty nodes, for the node of this depth and centre.
-pub(crate) fn exposed_normals(light: &LightOctree, depth: u32, centre: Vec3) -> impl Iterator<Item = Vec3> {
-    let edge_m = light.cube.node_edge_m(depth);
-    let axes = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
-    axes.into_iter().filter(move |normal| {
-        light.locate(centre + *normal * edge_m, depth).is_none_or(|(d, node)| light.node_rgba(d, node).is_none())
+        (radiance != Vec3::ZERO).then_some(Face { centre, normal, edge_m, radiance })
     })
 }
 
@@ -113,8 +70,11 @@ mod tests {
     use lo_octree::key_from_xyz;
 
     use super::*;
+    use crate::PatchShape;
+    use crate::face::opacity_behind;
 
-    /// A room of 4 m, of grey walls of half-transparent leaves, `layers` thick. A lamp of 4 × 4 leaves in its ceiling has
+    /// A room of 4 m, of grey walls of half-transparent leaves, `layers` thick. A lamp of 4 × 4 leaves in its ceiling
+    /// has
     /// the opacity `alpha`.
     fn room(alpha: f32, layers: u32) -> LightOctree {
         let depth = |xyz: [u32; 3]| xyz.map(|c| c.min(31 - c)).into_iter().min().unwrap();

@@ -70,16 +70,21 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         }))?;
     } else {
         report::print(&format!(
-            "{}  {estimated} of {total} photos estimated, {kept} kept, {failed} failed, in {}",
+            "{}  {estimated} of {} estimated, {kept} kept, {failed} failed, in {}",
             args.output.display(),
+            report::counted(total, "photo"),
             seconds(begun.elapsed())
         ));
     }
     if is_stopped {
-        anyhow::bail!("stopped after {} of {total} photos; run the same command again to continue", kept + estimated);
+        anyhow::bail!(
+            "stopped after {} of {}; run the same command again to continue",
+            kept + estimated,
+            report::counted(total, "photo")
+        );
     }
     if failed > 0 {
-        anyhow::bail!("{failed} of {total} photos failed; see {}", report_path.display());
+        anyhow::bail!("{failed} of {} failed; see {}", report::counted(total, "photo"), report_path.display());
     }
     Ok(())
 }

@@ -6,6 +6,7 @@ use indicatif::ProgressBar;
 
 use super::record::Record;
 use crate::progress::bar;
+use crate::report;
 
 /// Time between two lines.
 const INTERVAL: Duration = Duration::from_secs(30);
@@ -56,7 +57,7 @@ fn line(done: usize, total: usize, failed: usize, elapsed: Duration) -> String {
     let per_s = done as f64 / elapsed.as_secs_f64();
     let left_min = (total - done) as f64 / per_s / 60.0;
     let failed = if failed > 0 { format!(", {failed} failed") } else { String::new() };
-    format!("{done} of {total} photos{failed}, {per_s:.2} per second, {left_min:.0} min left")
+    format!("{done} of {}{failed}, {per_s:.2} per second, {left_min:.0} min left", report::counted(total, "photo"))
 }
 
 #[cfg(test)]
