@@ -172,7 +172,7 @@ object: number,
 /**
  * The new interpolation.
  */
-interpolation: Interpolation, } | { "do": "frames",
+interpolation: Interpolation, } | { "do": "known-length", known?: KnownLength | null, } | { "do": "frames",
 /**
  * Number of frames; `None` follows from the keyframes and `fps`.
  */
@@ -224,7 +224,7 @@ new: NewLight, } | { "do": "remove-light",
 /**
  * Id of the light.
  */
-light: string, } | { "do": "reset-lights" };
+light: string, } | { "do": "drag-light", light: string, to: [number, number], } | { "do": "aim-sun", light: string, object: number, to: [number, number], } | { "do": "turn-sun", light: string, azimuth_deg: number, elevation_deg: number, } | { "do": "reset-lights" } | { "do": "together", commands: Array<Command>, };
 
 /**
  * A message from the page.
@@ -261,7 +261,7 @@ lift_m: number,
 /**
  * Exposure of the images, stops.
  */
-exposure_ev: number, } | { "type": "overlay",
+exposure_ev: number, } | { "type": "measure", ends: [[number, number], [number, number]], } | { "type": "overlay",
 /**
  * The overlay.
  */
@@ -595,6 +595,7 @@ scale: number,
  * Whether a surface supports it.
  */
 rests: boolean,
+shadows: Array<{ light: string, pixel: [number, number] }>,
 /**
  * Unit of the mesh's coordinates, in the plural.
  */
@@ -811,6 +812,7 @@ lights: Array<LightView>,
  * Gloss of the surfaces that carry objects, 0 to 1.
  */
 floor_gloss: number,
+known_length: KnownLength | null, room_scale: number,
 /**
  * Whether there is a step to undo.
  */
@@ -988,7 +990,7 @@ at_m: [number, number, number],
 /**
  * Lengths of the images, bytes.
  */
-lengths: [number, number, number], } | { "type": "no-probe" } | { "type": "overlay",
+lengths: [number, number, number], } | { "type": "no-probe" } | { "type": "measured", ends: [[number, number], [number, number]], length_m: number | null, } | { "type": "overlay",
 /**
  * The overlay.
  */
@@ -1041,3 +1043,4 @@ rooms: Array<RecentRoom>, } | { "type": "refused",
  * The reason.
  */
 why: string, };
+export type KnownLength = { ends: [[number, number], [number, number]], length_m: number };
