@@ -88,18 +88,19 @@ impl OutsideView {
 /// Renders a scene's room from outside: the octree's leaves with their radiance, and the objects.
 ///
 /// Walls are single-sided and reduced to what is visible from inside, so the view opens into the room like a doll's
-/// house. Inferred surfaces in front of observed ones are transparent. Objects show their base colour under a light at the viewer, independent of the room's light.
+/// house. Inferred surfaces in front of observed ones are transparent. Objects show their base colour under a light at
+/// the viewer, independent of the room's light.
 pub struct OutsideRenderer {
     scenes: Arc<LitSceneCache>,
     room: Option<RoomMesh>,
 }
 
 /// Visible faces of an octree. Independent of light edits.
-pub(crate) struct RoomMesh {
+struct RoomMesh {
     octree: Octree,
-    pub faces: PreparedModel,
-    pub leaves: Vec<LeafNode>,
-    pub depth_range_m: DepthRange,
+    faces: PreparedModel,
+    leaves: Vec<LeafNode>,
+    depth_range_m: DepthRange,
 }
 
 impl OutsideRenderer {
@@ -133,7 +134,16 @@ impl OutsideRenderer {
         };
         let objects: Vec<PlacedModel> = models.iter().map(|model| &**model).zip(&state.objects).map(placed).collect();
         let eye_m = Vec3::from(view.eye_m);
-        let caster = RayCaster { scene: &scene, room, objects: &objects, view, pitch: camera.pixel_angle_rad() };
+        let caster = RayCaster {
+            scene: &scene,
+            faces: &room.faces,
+            leaves: &room.leaves,
+            depth_range_m: room.depth_range_m,
+            objects: &objects,
+            show: view.show,
+            exposure_ev: view.exposure_ev,
+            pitch: camera.pixel_angle_rad(),
+        };
         let color = |u: f64, v: f64| {
             caster.color(&Ray { origin: eye_m, direction: (world_from_camera * camera.direction(u, v)).normalize() })
         };

@@ -4,12 +4,11 @@ use lightoctree::LitScene;
 use lo_geometry::{Ray, Vec3};
 use lo_imaging as imaging;
 use lo_imaging::ToneCurve;
-use lo_mesh::{Hit, PlacedModel};
+use lo_mesh::{Hit, PlacedModel, PreparedModel};
 use lo_octree::LeafNode;
 
-use crate::outside::RoomMesh;
-use crate::overlay::{RadianceOrigin, level_color, normal_color, origin_color, origin_of_leaf};
-use crate::{OutsideView, Overlay};
+use crate::Overlay;
+use crate::overlay::{DepthRange, RadianceOrigin, level_color, normal_color, origin_color, origin_of_leaf};
 
 /// Background colour, equal to the page's.
 const BACKGROUND: [u8; 3] = [48; 3];
@@ -31,9 +30,15 @@ const STEP_M: f32 = 1e-4;
 /// Everything that a ray can hit.
 pub(crate) struct RayCaster<'a> {
     pub scene: &'a LitScene,
-    pub room: &'a RoomMesh,
+    /// Faces of the room, two triangles each, and their leaves.
+    pub faces: &'a PreparedModel,
+    pub leaves: &'a [LeafNode],
+    pub depth_range_m: DepthRange,
     pub objects: &'a [PlacedModel<'a>],
-    pub view: &'a OutsideView,
+    /// Overlay to show instead of radiance.
+    pub show: Option<Overlay>,
+    /// Exposure, stops.
+    pub exposure_ev: f32,
     /// Distance between the rays of neighbouring pixels at one metre, metres.
     pub pitch: f32,
 }
@@ -41,7 +46,7 @@ pub(crate) struct RayCaster<'a> {
 impl RayCaster<'_> {
     /// Returns the colour seen along a ray. Inferred surfaces in front of observed ones and of objects are transparent.
     pub fn color(&self, ray: &Ray) -> [u8; 3] {
-        let (inferred, observed) = self.faces(ray);
+        let (inferred, observed) = self.hits(ray);
         // The surface lies anywhere within its leaf, so an object counts as hidden only behind the far side of the
         // leaf.
         let leaf_end_m = |hit: Hit| hit.distance_m + self.scene.light.cube.node_edge_m(self.leaf(hit).depth);
@@ -63,11 +68,11 @@ impl RayCaster<'_> {
     }
 
     /// Returns the inferred faces that a ray meets, nearest first, and the observed one behind them.
-    fn faces(&self, ray: &Ray) -> (Vec<Hit>, Option<Hit>) {
+    fn hits(&self, ray: &Ray) -> (Vec<Hit>, Option<Hit>) {
         let (mut inferred, mut from_m) = (Vec::new(), 0.0);
         while inferred.len() < MAX_INFERRED {
             let rest = Ray { origin: ray.at(from_m), direction: ray.direction };
-            let Some(hit) = self.room.faces.intersect(&rest, f32::INFINITY) else { return (inferred, None) };
+            let Some(hit) = self.faces.intersect(&rest, f32::INFINITY) else { return (inferred, None) };
             let hit = Hit { distance_m: hit.distance_m + from_m, ..hit };
             let LeafNode { depth, row, .. } = *self.leaf(hit);
             if origin_of_leaf(self.scene, depth, row) != RadianceOrigin::Inferred {
@@ -80,12 +85,12 @@ impl RayCaster<'_> {
     }
 
     fn leaf(&self, hit: Hit) -> &LeafNode {
-        &self.room.leaves[hit.triangle as usize / 2]
+        &self.leaves[hit.triangle as usize / 2]
     }
 
     fn object_color(&self, placed: &PlacedModel, ray: &Ray, hit: &Hit) -> [u8; 3] {
         let surface = placed.surface(hit, ray.direction, self.pitch * hit.distance_m);
-        match self.view.show {
+        match self.show {
             Some(Overlay::Normals) => normal_color(surface.shading_normal),
             Some(Overlay::Depth) => self.depth_color(ray, hit.distance_m),
             _ => {
@@ -99,7 +104,7 @@ impl RayCaster<'_> {
 
     fn face_color(&self, ray: &Ray, hit: Hit) -> [u8; 3] {
         let LeafNode { depth, row, .. } = *self.leaf(hit);
-        match self.view.show {
+        match self.show {
             None => {
                 let [r, g, b, _] = self.scene.light.rgba[depth as usize][row];
                 self.developed([r, g, b])
@@ -112,16 +117,16 @@ impl RayCaster<'_> {
     }
 
     fn developed(&self, radiance: [f32; 3]) -> [u8; 3] {
-        let gain = self.view.exposure_ev.exp2();
+        let gain = self.exposure_ev.exp2();
         ToneCurve::Clip.apply(radiance.map(|value| value * gain)).map(imaging::srgb8_from_linear)
     }
 
     fn depth_color(&self, ray: &Ray, distance_m: f32) -> [u8; 3] {
-        self.room.depth_range_m.color(-ray.at(distance_m).z)
+        self.depth_range_m.color(-ray.at(distance_m).z)
     }
 
     fn normal(&self, triangle: u32) -> Vec3 {
-        let model = self.room.faces.model();
+        let model = self.faces.model();
         let [a, b, c] = model.triangles[triangle as usize].map(|corner| model.positions[corner as usize]);
         (b - a).cross(c - a).normalize_or_zero()
     }

@@ -39,8 +39,8 @@ pub(crate) fn standing(scene: &OpenScene, object: &Object, pixel: [f64; 2]) -> O
     placement.support.is_some().then_some(placement)
 }
 
-/// Returns the nearest pixel towards the camera at which an object stands on the same level without reaching into a wall
-/// behind it, such as the back of a shelf; the same pixel if it does not, or there is no such place nearby.
+/// Returns the nearest pixel towards the camera at which an object stands on the same level and does not reach into a
+/// wall behind it, such as the back of a shelf. The same pixel if it does not there, or there is no such place nearby.
 pub(crate) fn before_wall(scene: &OpenScene, object: &Object, pixel: [f64; 2]) -> [f64; 2] {
     let Some(rests) = standing(scene, object, pixel) else { return pixel };
     let up = rests.up;

@@ -113,7 +113,7 @@ fn write_sequence(
     let target = BufWriter::with_capacity(CHUNK, ChunkWriter(chunks));
     let io_message = |error: io::Error| error.to_string();
     let mut writer = match format {
-        SequenceFormat::Frames | SequenceFormat::Layers => SequenceWriter::Frames(ZipArchive::new(target)),
+        SequenceFormat::Frames | SequenceFormat::Layers => SequenceWriter::Frames(Box::new(ZipArchive::new(target))),
         SequenceFormat::Video => {
             SequenceWriter::Video(Y4mWriter::new(target, sequence.size(), state.fps).map_err(io_message)?)
         }
@@ -147,7 +147,7 @@ fn write_sequence(
 }
 
 enum SequenceWriter<'a> {
-    Frames(ZipArchive<BufWriter<ChunkWriter<'a>>>),
+    Frames(Box<ZipArchive<BufWriter<ChunkWriter<'a>>>>),
     Video(Y4mWriter<BufWriter<ChunkWriter<'a>>>),
 }
 
