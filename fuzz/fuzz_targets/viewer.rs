@@ -4,7 +4,7 @@
 use std::sync::{Arc, LazyLock};
 
 use libfuzzer_sys::fuzz_target;
-use lightoctree::Document;
+use lightoctree::{Document, KnownLength};
 use lo_geometry::Quat;
 use lo_imaging::RadianceImage;
 use lo_scene::{Completion, ExpectedLight};
@@ -53,6 +53,11 @@ fuzz_target!(|text: &str| {
             }
             FromPage::Overlay { what } => {
                 let _ = overlay(session.scene(), what);
+                true
+            }
+            FromPage::Measure { ends } => {
+                let measured = KnownLength { ends, length_m: 1.0 }.estimated_m(session.scene().estimate());
+                assert!(measured.map_or(true, f32::is_finite));
                 true
             }
             FromPage::Outside { view, .. } => {

@@ -10,8 +10,8 @@ use lo_insert::{Layout, PathSource};
 use lo_lights::{LightsError, ListedLight};
 use lo_mesh::{LoadOptions, Model};
 use lo_scene::{
-    EmitterEdit, Estimate, InferredLight, LightChange, LightEdits, LightMode, LightTuning, LitScene, ObjectDisplay,
-    SceneError, SceneFile, SceneObjects,
+    EmitterEdit, Estimate, InferredLight, KnownLength, KnownLengthError, LightChange, LightEdits, LightMode,
+    LightTuning, LitScene, ObjectDisplay, SceneError, SceneFile, SceneObjects,
 };
 
 use crate::builtin::builtin_mesh;
@@ -159,6 +159,34 @@ impl Document {
             self.layout.as_ref().map(Layout::to_json).transpose().map_err(ModelError::from)?.unwrap_or_default();
         let objects = SceneObjects { layout, files: self.meshes.clone(), shown: self.shown };
         Ok(SceneFile { estimate: self.estimate.clone(), light_edits: self.light_edits.clone(), objects })
+    }
+
+    /// Returns the document with its room scaled about the camera, so that a length in it is the known one. The photo
+    /// stays the same; objects keep their sizes and their places in the photo, lights shine as before.
+    ///
+    /// # Errors
+    /// If no scale follows from the length.
+    pub fn with_known_length(&self, known: &KnownLength) -> Result<Self, KnownLengthError> {
+        self.scaled(known.factor(&self.estimate)?)
+    }
+
+    /// Returns the document with its room scaled about the camera by a factor.
+    ///
+    /// # Errors
+    /// If the scaled depth is not that of a room.
+    pub fn scaled(&self, factor: f32) -> Result<Self, KnownLengthError> {
+        if factor == 1.0 {
+            return Ok(self.clone());
+        }
+        // Positions beyond their range keep the objects where they were.
+        let scaled = |layout: &Layout| layout.in_scaled_room(factor.into()).unwrap_or_else(|_| layout.clone());
+        Ok(Self {
+            estimate: self.estimate.scaled(factor)?.into(),
+            light_edits: self.light_edits.in_scaled_room(factor),
+            layout: self.layout.as_ref().map(scaled),
+            meshes: self.meshes.clone(),
+            shown: self.shown,
+        })
     }
 
     /// Returns the document's choice of inferred light, or the purpose's default if there is none.

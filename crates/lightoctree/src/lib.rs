@@ -102,7 +102,7 @@ pub use models::{Models, PosedModels};
 
 // 3. Lit scene.
 pub use lo_estimate::{AppliedLight, FittedLight, LightReport, LightingError};
-pub use lo_scene::{InferredLight, LightMode, LightTuning, LitScene};
+pub use lo_scene::{InferredLight, KnownLength, KnownLengthError, LightMode, LightTuning, LitScene};
 
 // 4. Render.
 pub use lo_lookup::{Detail, LevelFrame, SceneRenderer};

@@ -91,11 +91,12 @@ impl Insertion {
         let (layout, models, saved) = match self.source {
             Source::Files { layout, folder } => {
                 let read = |path: &Path| lo_imaging::read_regular_text(folder.join(path), MAX_TEXT_BYTES);
-                let layout = Layout::from_json(&layout)?.with_paths(read)?;
+                let layout = shown(Layout::from_json(&layout)?.with_paths(read)?)?;
                 let models = Models::load(&layout, &folder)?;
                 (layout, models, None)
             }
             Source::Document(layout) => {
+                let layout = shown(layout)?;
                 let models = document.models(&layout)?;
                 (layout, models, Some(document.shown))
             }
@@ -116,6 +117,11 @@ impl Insertion {
         let inserter = if self.passes { inserter.with_passes() } else { inserter };
         Ok(Prepared { inserter, models, names, placements, frames })
     }
+}
+
+/// Returns the layout without hidden objects.
+fn shown(layout: Layout) -> Result<Layout, Failure> {
+    layout.without_hidden().ok_or_else(|| Failure::Argument("nothing to insert: all objects are hidden".to_owned()))
 }
 
 /// Returns the name of the first object that moves.

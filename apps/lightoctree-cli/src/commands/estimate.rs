@@ -18,6 +18,7 @@ use lo_scene::{CameraSource, Completion};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
+use super::known_length::KnownLengthArgs;
 use super::lens::{GivenLens, LensArgs};
 use super::panorama_prior::{self, PanoramaPriorArgs};
 use super::parse;
@@ -35,6 +36,7 @@ use crate::{output, report};
     lightoctree estimate photo.jpg -o room.scene\n  \
     lightoctree estimate photo.jpg --depth lidar.png -o room.scene\n  \
     lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene\n  \
+    lightoctree estimate photo.jpg --known-length 812,240,812,1130,2.01 -o room.scene\n  \
     lightoctree estimate photo.jpg --depth depth/photo.npz --depth-is predicted -o room.scene\n  \
     lightoctree estimate photo.jpg --depth-model moge-2-vits-normal.onnx -o room.scene\n  \
     lightoctree estimate photo.jpg --depth-model other.onnx --depth-model-config other.toml -o room.scene\n  \
@@ -76,6 +78,9 @@ pub struct Args {
 
     #[command(flatten)]
     lens: LensArgs,
+
+    #[command(flatten)]
+    known_length: KnownLengthArgs,
 
     #[command(flatten)]
     method: MethodArgs,
@@ -178,7 +183,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let Some(panorama) = &scene.panorama {
         stages.note(&panorama_prior::description(&panorama.source));
     }
-    let document = Document::new(scene);
+    let document = args.known_length.apply(Document::new(scene), &stages)?;
     stages.stage("write", || document.write(&args.out.output, &output::signature(COMMAND)))?;
     print_result(args, &document.estimate, &stages)
 }

@@ -20,6 +20,7 @@ use serde_json::json;
 use self::footage::{Footage, FootageArgs, PlateFiles};
 use self::map::MapArgs;
 use self::objects::ObjectArgs;
+use super::known_length::KnownLengthArgs;
 use super::light::LightArgs;
 use super::parse;
 use super::video::{self, Video};
@@ -57,6 +58,9 @@ pub struct Args {
     /// Print the names of the materials and exit
     #[arg(long)]
     list_materials: bool,
+
+    #[command(flatten)]
+    known_length: KnownLengthArgs,
 
     #[command(flatten)]
     footage: FootageArgs,
@@ -148,7 +152,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
     let Request { layout, source, shown, frames, plates, map } = Request::read(args, scene, output, &stages)?;
     stages.name_objects(&names(&layout));
-    let (mut document, models) = read(scene, &layout, source, &mut stages)?;
+    let (mut document, models) = read(args, scene, &layout, source, &mut stages)?;
     let objects = Objects::place(&layout, &models, &document.estimate, frames.len())?;
     let (scene, lighting) = match map {
         None => {
@@ -240,16 +244,18 @@ impl Request {
         if args.time_limit.is_some() && args.quality != Quality::High {
             return Err(Usage("--time-limit applies to --quality high only".into()).into());
         }
+        let hidden = || Usage("nothing to insert: all objects are hidden".to_owned());
         let (layout, source, saved) = match args.objects.layout()? {
-            Some((layout, folder)) => (layout, ObjectSource::Files(folder), None),
+            Some((layout, folder)) => (layout.without_hidden().ok_or_else(hidden)?, ObjectSource::Files(folder), None),
             None => {
-                let document = Document::read(scene)?;
+                let document = args.known_length.apply(Document::read(scene)?, stages)?;
                 let Some(layout) = document.layout.clone() else {
                     let message =
                         format!("nothing to insert: give --mesh or --layout; {} has no objects", scene.display());
                     return Err(Usage(message).into());
                 };
                 let shown = document.shown;
+                let layout = layout.without_hidden().ok_or_else(hidden)?;
                 (layout, ObjectSource::Scene(Box::new(document)), Some(shown))
             }
         };
@@ -276,13 +282,17 @@ fn names(layout: &Layout) -> Vec<String> {
 
 /// Reads the scene, unless it is read already, and the objects' meshes.
 fn read(
+    args: &Args,
     scene: &Path,
     layout: &Layout,
     source: ObjectSource,
     stages: &mut Stages,
 ) -> anyhow::Result<(Document, Models)> {
     let (document, folder) = match source {
-        ObjectSource::Files(folder) => (stages.stage("read scene", || Document::read(scene))?, Some(folder)),
+        ObjectSource::Files(folder) => {
+            let document = stages.stage("read scene", || Document::read(scene))?;
+            (args.known_length.apply(document, stages)?, Some(folder))
+        }
         ObjectSource::Scene(document) => (*document, None),
     };
     let label = if layout.objects().len() > 1 { "read meshes" } else { "read mesh" };

@@ -21,6 +21,7 @@ pub mod view;
 
 #[cfg(feature = "depth-models")]
 mod depth_model;
+mod known_length;
 mod lens;
 mod panorama_prior;
 mod photos;

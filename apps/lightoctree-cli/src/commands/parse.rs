@@ -1,7 +1,7 @@
 //! Parsers of option values such as `X,Y,Z` and `WxH`.
 
 use lo_geometry::{MAX_COORDINATE_M, Vec3, is_position};
-use lo_scene::{LightColor, MAX_KELVIN, MIN_KELVIN};
+use lo_scene::{KnownLength, LightColor, MAX_KELVIN, MIN_KELVIN};
 
 /// Parses `X,Y,Z` in metres, each within ± 10 km.
 pub fn point(text: &str) -> Result<Vec3, String> {
@@ -35,6 +35,12 @@ pub fn pixel(text: &str) -> Result<[f64; 2], String> {
 /// Parses `U,V,U,V` in pixels of the photo: two positions.
 pub fn pixels(text: &str) -> Result<[[f64; 2]; 2], String> {
     numbers(text, "U,V,U,V").map(|[u, v, s, t]| [[u, v], [s, t]])
+}
+
+/// Parses `U,V,U,V,METRES`: two positions in pixels of the photo, and the real length between them.
+pub fn known_length(text: &str) -> Result<KnownLength, String> {
+    let [u, v, s, t, length_m] = numbers(text, "U,V,U,V,METRES")?;
+    Ok(KnownLength { ends: [[u, v], [s, t]], length_m })
 }
 
 /// Parses `X,Y,R` in pixels: centre and radius of a circle.
@@ -238,6 +244,9 @@ mod tests {
         assert_eq!(reflectance("0.5"), Ok([0.5; 3]));
         assert_eq!(reflectance("0.5, 1,0.25"), Ok([0.5, 1.0, 0.25]));
         assert!(["0", "1.1", "0.5,0.5", "-1", "nan", "1e-300"].iter().all(|text| reflectance(text).is_err()));
+        let known = KnownLength { ends: [[1.0, 2.0], [3.0, 4.5]], length_m: 2.01 };
+        assert_eq!(known_length("1,2,3,4.5,2.01"), Ok(known));
+        assert!(known_length("1,2,3,4.5").is_err() && known_length("1,2,3,4.5,inf").is_err());
         assert_eq!(circle("3,4.5,100"), Ok([3.0, 4.5, 100.0]));
         assert_eq!(part("3/16"), Ok([3, 16]));
         assert!(["0/4", "5/4", "1", "a/2", "1/0"].iter().all(|text| part(text).is_err()));

@@ -21,4 +21,5 @@ mod view;
 mod view_access;
 mod view_in_browser;
 mod view_rooms;
+mod view_tools;
 mod web_page;

@@ -180,7 +180,7 @@ fn downloads_open_again() {
         { "azimuth_deg": 20, "elevation_deg": 45, "strength": 2, "angle_deg": 1, "kelvin": 5500 } } }));
     page.receive("a sun", |message| message["view"]["lights"].to_string().contains("\"A1\""));
     let files =
-        ["room.scene", "objects.json", "light.exr?u=70&v=80&lift=0.1", "room.glb", "room_usd.tar?u=70&v=80&lift=0.1"];
+        ["room.scene", "objects.json", "light.exr?u=70&v=80&lift=0.1", "room.glb", "room_usd.zip?u=70&v=80&lift=0.1"];
     for file in files {
         let (status, bytes) = viewer.get(&format!("download/{file}"));
         assert_eq!(status, 200, "{file}: {}", String::from_utf8_lossy(&bytes));
@@ -212,11 +212,22 @@ fn downloads_open_again() {
     assert_eq!(panorama, lo_imaging::read_radiance(folder.path().join("b.exr")).unwrap());
     let glb = std::fs::read(folder.path().join("new_room.glb")).unwrap();
     assert!(glb.starts_with(b"glTF"));
-    let usd = std::fs::read(folder.path().join("new_room_usd.tar")).unwrap();
-    let mut archive = tar::Archive::new(usd.as_slice());
-    let names: Vec<String> =
-        archive.entries().unwrap().map(|entry| entry.unwrap().path().unwrap().display().to_string()).collect();
+    let usd = std::fs::read(folder.path().join("new_room_usd.zip")).unwrap();
+    let names: Vec<String> = unzipped(&usd).into_iter().map(|(name, _)| name).collect();
     assert!(names.contains(&"room.usda".to_owned()) && names.len() >= 4, "{names:?}");
+}
+
+/// Returns names and contents of the files of a ZIP archive.
+fn unzipped(bytes: &[u8]) -> Vec<(String, Vec<u8>)> {
+    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(bytes)).unwrap();
+    let mut files = Vec::new();
+    for index in 0..archive.len() {
+        let mut file = archive.by_index(index).unwrap();
+        let mut content = Vec::new();
+        std::io::Read::read_to_end(&mut file, &mut content).unwrap();
+        files.push((file.name().unwrap().into_owned(), content));
+    }
+    files
 }
 
 #[test]
@@ -525,18 +536,20 @@ fn sequences_and_scenes_with_objects_are_those_of_the_command_line() {
     });
     let frames = [&words[..words.len() - 1], &["frame_%04d.png"]].concat();
     done(folder.path(), &frames);
-    let tar = taken("frames.tar");
-    let mut archive = tar::Archive::new(tar.as_slice());
     let mut names = Vec::new();
-    for entry in archive.entries().unwrap() {
-        let mut entry = entry.unwrap();
-        let name = entry.path().unwrap().display().to_string();
-        let mut bytes = Vec::new();
-        std::io::Read::read_to_end(&mut entry, &mut bytes).unwrap();
+    for (name, bytes) in unzipped(&taken("frames.zip")) {
         assert!(bytes == std::fs::read(folder.path().join(&name)).unwrap(), "{name}");
         names.push(name);
     }
     assert_eq!(names, ["frame_0000.png", "frame_0001.png", "frame_0002.png", "frame_0003.png"]);
+    // With layers, too.
+    let layers = [&frames[..], &["--layers", "layers_%04d.exr", "--force"]].concat();
+    done(folder.path(), &layers);
+    let files = unzipped(&taken("layers.zip"));
+    assert_eq!(files.iter().filter(|(name, _)| name.ends_with(".exr")).count(), 4);
+    for (name, bytes) in files {
+        assert!(bytes == std::fs::read(folder.path().join(&name)).unwrap(), "{name}");
+    }
 
     // The scene file contains everything.
     std::fs::write(folder.path().join("kept.scene"), taken("room.scene")).unwrap();
@@ -559,9 +572,9 @@ fn sequences_and_scenes_with_objects_are_those_of_the_command_line() {
     page.act(&json!({ "do": "frames", "frames": 100_000, "fps": 24 }));
     page.receive("the frames", |message| message["view"]["timeline"]["frames"] == 100_000);
     std::thread::scope(|scope| {
-        let taking = scope.spawn(|| again.get("download/frames.tar"));
+        let taking = scope.spawn(|| again.get("download/frames.zip"));
         page.receive("progress", |message| message["type"] == "film" && message["done"].as_u64() > Some(0));
-        assert_eq!(again.get("download/frames.tar").0, 409, "one at a time");
+        assert_eq!(again.get("download/frames.zip").0, 409, "one at a time");
         page.send(&json!({ "type": "stop-film" }));
         page.receive("the end", |message| message["type"] == "film" && message["ended"] == "stopped");
         taking.join().unwrap();

@@ -11,7 +11,7 @@ use crate::support::tls_proxy::{TlsProxy, free_port};
 use crate::support::view::{Page, Viewer};
 
 /// Returns the page position of a photo position.
-fn on_page(browser: &mut Browser, [u, v]: [f64; 2]) -> [f64; 2] {
+pub fn on_page(browser: &mut Browser, [u, v]: [f64; 2]) -> [f64; 2] {
     let place = browser.value(&format!(
         "(() => {{ const box = document.getElementById('handles').getBoundingClientRect(); const camera = viewer.page.scene.camera;
            return [box.left + {u} * box.width / camera.width, box.top + {v} * box.height / camera.height]; }})()"
@@ -19,16 +19,16 @@ fn on_page(browser: &mut Browser, [u, v]: [f64; 2]) -> [f64; 2] {
     [place[0].as_f64().unwrap(), place[1].as_f64().unwrap()]
 }
 
-fn click(browser: &mut Browser, selector: &str) {
+pub fn click(browser: &mut Browser, selector: &str) {
     browser.value(&format!("document.querySelector(`{selector}`).click()"));
 }
 
 /// Clicks the button with a text.
-fn press(browser: &mut Browser, text: &str) {
+pub fn press(browser: &mut Browser, text: &str) {
     browser.value(&format!("[...document.querySelectorAll('button')].find((b) => b.textContent === '{text}').click()"));
 }
 
-fn shot(browser: &mut Browser, name: &str) {
+pub fn shot(browser: &mut Browser, name: &str) {
     if let Some(folder) = std::env::var_os("LIGHTOCTREE_SHOTS") {
         browser.screenshot(&PathBuf::from(folder).join(name));
     }
@@ -73,16 +73,16 @@ fn assert_looks_as(browser: &mut Browser, name: &str) {
     }
 }
 
-fn object(browser: &mut Browser, index: usize) -> Value {
+pub fn object(browser: &mut Browser, index: usize) -> Value {
     browser.value(&format!("viewer.page.view.objects[{index}]"))
 }
 
 /// The final image of the current change is shown, and no sent preview is still on its way.
-const FINAL: &str = "viewer.figures.shown?.step === 'final' && viewer.figures.shown.change === viewer.page.change && \
+pub const FINAL: &str = "viewer.figures.shown?.step === 'final' && viewer.figures.shown.change === viewer.page.change && \
                      viewer.figures.sent.size === 0";
 
 /// Returns the photo position of the centre of the first object.
-fn middle(browser: &mut Browser) -> [f64; 2] {
+pub fn middle(browser: &mut Browser) -> [f64; 2] {
     let seen = browser.value(
         "import('./page/camera.js').then(({ project }) => { const o = viewer.page.view.objects[0];
            return project(viewer.page.scene.camera, [o.position_m[0], o.position_m[1] + o.size_m[1] / 2, o.position_m[2]]); })",
@@ -324,7 +324,7 @@ fn a_person_chooses_the_inferred_light() {
 }
 
 /// The view from outside is at rest and its image is shown.
-const STILL: &str = "viewer.outside.isStill()";
+pub const STILL: &str = "viewer.outside.isStill()";
 
 #[test]
 fn a_person_looks_at_the_room_from_outside() {
@@ -554,9 +554,10 @@ fn controls_have_names_and_texts_have_contrast() {
     let viewer = Viewer::start(folder.path(), &["room.scene"]);
     browser.open(&viewer.address, [1280, 720]);
     browser.wait("document.body.dataset.at === 'scene'");
-    press(&mut browser, "Gold sphere");
     press(&mut browser, "Add lamp");
-    browser.wait("viewer.page.view.lights.some((light) => light.id === 'A1') && viewer.page.selectedId");
+    browser.wait("viewer.page.selectedLight === 'A1'");
+    press(&mut browser, "Gold sphere");
+    browser.wait("viewer.page.selectedId");
     let nameless = browser.value(
         "[...document.querySelectorAll('button, input, select, summary')].filter((control) => control.type !== 'file' &&
            !(control.textContent.trim() || control.getAttribute('aria-label') || control.labels?.length)).map((c) => c.outerHTML)",
@@ -629,7 +630,7 @@ fn measured(browser: &mut Browser) -> (f64, f64, f64) {
 }
 
 /// Sets a field of the page and dispatches an event.
-fn set_field(browser: &mut Browser, id: &str, value: impl std::fmt::Display, event: &str) {
+pub fn set_field(browser: &mut Browser, id: &str, value: impl std::fmt::Display, event: &str) {
     browser.value(&format!(
         "(() => {{ const field = document.getElementById('{id}'); field.value = '{value}'; field.dispatchEvent(new Event('{event}')); }})()"
     ));

@@ -23,27 +23,8 @@ pub fn sun_angles_deg(scene: &Estimate, direction: Vec3) -> [f64; 2] {
 /// Returns `None` where depth is missing, or if the shadow would fall upwards.
 pub fn sun_from_shadow(scene: &Estimate, object: [f64; 2], shadow: [f64; 2]) -> Option<Vec3> {
     let up = scene.up();
-    let direction = (point(scene, object)? - point(scene, shadow)?).try_normalize()?;
+    let direction = (scene.nearest_point(object)? - scene.nearest_point(shadow)?).try_normalize()?;
     (direction.dot(up) > 0.0).then_some(direction)
-}
-
-/// Radius, in depth pixels, in which the nearest surface is taken: users click beside the edge of an object.
-const AROUND: isize = 2;
-
-/// Returns the nearest surface point around a pixel of the photo.
-fn point(scene: &Estimate, [u, v]: [f64; 2]) -> Option<Vec3> {
-    let (depth_m, camera) = (&scene.frame.depth_m, &scene.frame.camera);
-    let at = |share: f64, size: usize| (share * size as f64) as isize;
-    let x = at(u / f64::from(camera.width), depth_m.width());
-    let y = at(v / f64::from(camera.height), depth_m.height());
-    let around = (-AROUND..=AROUND).flat_map(|dy| (-AROUND..=AROUND).map(move |dx| (x + dx, y + dy)));
-    let reading = |(x, y): (isize, isize)| {
-        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
-        let inside = x < depth_m.width() && y < depth_m.height();
-        inside.then(|| depth_m[(x, y)]).filter(|&reading_m| reading_m > 0.0)
-    };
-    let nearest_m = around.filter_map(reading).min_by(f32::total_cmp)?;
-    Some(camera.unproject(u, v, f64::from(nearest_m)))
 }
 
 #[cfg(test)]

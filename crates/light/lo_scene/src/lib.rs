@@ -82,6 +82,7 @@ mod posed_frame;
 pub mod poses;
 mod resample;
 mod room;
+mod scaling;
 mod scene_objects;
 mod surfel;
 mod undistortion;
@@ -109,6 +110,7 @@ pub use plain_name::{is_invisible, plain_name};
 pub use posed_frame::{OtherPhoto, PosedFrame};
 pub use resample::{resized_photo, working_photo};
 pub use room::{Completion, Room, RoomPlane, Side};
+pub use scaling::{KnownLength, KnownLengthError, ROOM_SCALES};
 pub use scene_objects::{
     MAX_FPS, MAX_FRAMES, MAX_OBJECT_FILES, MAX_OBJECT_LAYOUT, MAX_TIME_S, ObjectDisplay, SceneObjects,
 };

@@ -1,4 +1,4 @@
-use lightoctree::LightMode;
+use lightoctree::{KnownLength, LightMode};
 use lo_insert::{Align, Interpolation};
 use lo_scene::LightChange;
 use serde::{Deserialize, Serialize};
@@ -132,6 +132,13 @@ pub enum Command {
         /// The new interpolation.
         interpolation: Interpolation,
     },
+    /// Scales the room, so that a length in it is the known one.
+    KnownLength {
+        /// The length; `None` restores the scale of the scene file.
+        #[serde(default)]
+        #[cfg_attr(feature = "typescript", ts(optional = nullable))]
+        known: Option<KnownLength>,
+    },
     /// Sets the length and rate of the sequence.
     Frames {
         /// Number of frames; `None` follows from the keyframes and `fps`.
@@ -192,6 +199,37 @@ pub enum Command {
         /// Id of the light.
         light: String,
     },
+    /// Moves a light to the surface seen at a photo position: a sphere touches it. Stays where the photo has no depth.
+    DragLight {
+        /// Id of the light.
+        light: String,
+        /// Photo position, pixels.
+        to: [f64; 2],
+    },
+    /// Aims an added sun so that the shadow of an object's top falls on a photo position.
+    AimSun {
+        /// Id of the light.
+        light: String,
+        /// Id of the object.
+        object: u32,
+        /// Photo position of the shadow, pixels.
+        to: [f64; 2],
+    },
+    /// Sets the direction of an added sun.
+    TurnSun {
+        /// Id of the light.
+        light: String,
+        /// Degrees to the right of the camera's axis, about the vertical.
+        azimuth_deg: f32,
+        /// Degrees above the horizon.
+        elevation_deg: f32,
+    },
     /// Discards all light edits.
     ResetLights,
+    /// Executes commands as one step, such as moving several objects.
+    Together {
+        /// The commands, at most as many as objects; none of them moves a keyframe, scales the room or consists of
+        /// others.
+        commands: Vec<Command>,
+    },
 }

@@ -31,10 +31,14 @@ pub fn insert_argv(scene_file: &str, state: &State) -> Option<Vec<String>> {
     Some(words)
 }
 
-/// Returns the options that affect all objects: floor gloss and light.
+/// Returns the options that affect all objects: scale of the room, floor gloss and light.
 fn scene_options(state: &State) -> Vec<String> {
+    let known = state.known_length.map(|known| {
+        let [from, to] = known.ends;
+        ["--known-length".to_owned(), list([from[0], from[1], to[0], to[1], known.length_m])]
+    });
     let gloss = (state.floor_gloss > 0.0).then(|| ["--floor-gloss".to_owned(), state.floor_gloss.to_string()]);
-    gloss.into_iter().flatten().chain(light_options(state)).collect()
+    known.into_iter().flatten().chain(gloss.into_iter().flatten()).chain(light_options(state)).collect()
 }
 
 /// Returns the chosen light with all options that differ from their defaults. A single option makes `insert` ignore the

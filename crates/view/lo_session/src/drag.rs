@@ -2,7 +2,7 @@
 
 use lo_geometry::{Plane, Ray, Vec3};
 
-use crate::snap::{held, is_hidden, level_continues, standing, tolerance_m};
+use crate::snap::{before_wall, held, is_hidden, level_continues, standing, tolerance_m};
 use crate::{Object, ObjectPosition, OpenScene};
 
 /// Maximum depth of a dragged object, as a multiple of the largest surface depth.
@@ -10,7 +10,8 @@ const MAX_DEPTH_FACTOR: f32 = 1.5;
 
 /// Returns the position of a dragged object, so that the middle of its base projects to a photo position.
 ///
-/// The object snaps to the surface seen there: it stands on floors, shelves and tables, and touches walls and ceilings.
+/// The object snaps to the surface seen there: it stands on floors, shelves and tables, in front of the walls behind
+/// it, and touches walls and ceilings.
 /// At depth edges and over gaps in the depth it keeps its height, unless the photo shows a surface in front of that
 /// position. Lifted objects always keep their height. `None` if there is no such position.
 pub(crate) fn dragged(scene: &OpenScene, object: &Object, is_lifted: bool, pixel: [f64; 2]) -> Option<ObjectPosition> {
@@ -24,7 +25,7 @@ pub(crate) fn dragged(scene: &OpenScene, object: &Object, is_lifted: bool, pixel
         if let Some(rests) = standing(scene, object, pixel) {
             let rise_m = (rests.position_m - from.position_m).dot(from.up);
             if rise_m.abs() <= tolerance_m(scene, rests.position_m) || level_continues(scene, &rests, pixel) {
-                return Some(ObjectPosition::Pixel(pixel));
+                return Some(ObjectPosition::Pixel(before_wall(scene, object, pixel)));
             }
         }
         if let Some(base_m) = held(scene, object, pixel) {

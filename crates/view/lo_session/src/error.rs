@@ -15,6 +15,9 @@ pub enum SessionError {
     /// No light has this name.
     #[error("there is no light called {0}")]
     NoLight(String),
+    /// The light is not an added sun.
+    #[error("{0} is no sun that was added")]
+    NoSun(String),
     /// The object has no keyframe at the given time.
     #[error("the object has no keyframe at that time")]
     NoKeyframe,
@@ -45,6 +48,9 @@ pub enum SessionError {
         /// The limit.
         limit: usize,
     },
+    /// A command cannot be part of a step of several commands.
+    #[error("steps of several commands neither move keyframes nor contain other such steps")]
+    NotTogether,
     /// A value is out of range.
     #[error("{0} is out of range")]
     OutOfRange(&'static str),
@@ -54,6 +60,9 @@ pub enum SessionError {
     /// The scene cannot be lit with the chosen light.
     #[error(transparent)]
     Lighting(#[from] lightoctree::LightingError),
+    /// The known length gives no scale of the room.
+    #[error(transparent)]
+    KnownLength(#[from] lightoctree::KnownLengthError),
     /// The frame count or rate of a sequence is out of range.
     #[error("{0}")]
     Sequence(&'static str),

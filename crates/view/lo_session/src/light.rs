@@ -58,10 +58,7 @@ impl NewLight {
         };
         let (shape, white, color) = match self {
             Self::Sun { azimuth_deg, elevation_deg, strength, angle_deg, kelvin } => {
-                if !(AZIMUTHS_DEG.contains(&azimuth_deg) && (-90.0..=90.0).contains(&elevation_deg)) {
-                    return Err(SessionError::OutOfRange("the direction"));
-                }
-                let direction = sun_direction(estimate, azimuth_deg.into(), elevation_deg.into());
+                let direction = sun_direction_of(estimate, azimuth_deg, elevation_deg)?;
                 let shape = LightShape::Sun { direction, angular_radius_deg: 0.5 * angle_deg, of_photo: false };
                 let extent = AnalyticLight { shape, radiance: [0.0; 3] }.extent();
                 (shape, strength / extent, color(kelvin)?)
@@ -73,4 +70,19 @@ impl NewLight {
         let light = AnalyticLight { shape, radiance: (color * white).to_array() };
         light.invalid_field().map_or(Ok(light), |what| Err(SessionError::OutOfRange(what)))
     }
+}
+
+/// Returns the unit direction towards a sun, as [`sun_direction`] does.
+///
+/// # Errors
+/// If an angle is out of range.
+pub(crate) fn sun_direction_of(
+    estimate: &Estimate,
+    azimuth_deg: f32,
+    elevation_deg: f32,
+) -> Result<Vec3, SessionError> {
+    if !(AZIMUTHS_DEG.contains(&azimuth_deg) && (-90.0..=90.0).contains(&elevation_deg)) {
+        return Err(SessionError::OutOfRange("the direction"));
+    }
+    Ok(sun_direction(estimate, azimuth_deg.into(), elevation_deg.into()))
 }

@@ -43,9 +43,9 @@ pub struct Object {
     pub align: Align,
     /// Material that replaces the mesh's own.
     pub material: Option<ObjectMaterial>,
-    /// Whether images leave it out. Scene files do not store this.
+    /// Whether images leave it out.
     pub is_hidden: bool,
-    /// Whether front ends protect it from being moved by accident. Scene files do not store this.
+    /// Whether front ends protect it from being moved by accident.
     pub is_locked: bool,
     /// The resulting placement in the scene.
     pub placement: Placement,
@@ -147,6 +147,8 @@ impl Object {
             align: (self.align != Align::default()).then_some(self.align),
             animation: None,
             material: self.material.as_ref().map(ObjectMaterial::spec),
+            hidden: self.is_hidden,
+            locked: self.is_locked,
         }
     }
 }

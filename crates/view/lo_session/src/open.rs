@@ -1,11 +1,13 @@
 use std::path::Path;
 
-use lightoctree::{Document, Estimate, FittedLight};
+use lightoctree::{Document, Estimate, FittedLight, KnownLength};
 use lo_geometry::Vec3;
 use lo_insert::{Ground, ObservedSurfaces};
 use lo_lights::ListedLight;
 use lo_scene::Room;
 use serde::Serialize;
+
+use crate::SessionError;
 
 /// A scene prepared for a session.
 pub struct OpenScene {
@@ -21,6 +23,8 @@ pub struct OpenScene {
     pub surfaces: ObservedSurfaces,
     /// Largest depth of these surfaces, metres.
     pub max_depth_m: f32,
+    /// Factor by which the room is larger than in the file.
+    pub scale: f32,
 }
 
 /// Approximate extent of a room.
@@ -42,7 +46,17 @@ impl OpenScene {
         let fitted = FittedLight::new(document.estimate.clone());
         let surfaces = ObservedSurfaces::new(&document.estimate);
         let max_depth_m = surfaces.depth_m().pixels().iter().fold(0.0f32, |far, &z| far.max(z));
-        Self { file: file.into(), is_saved: true, fitted, surfaces, max_depth_m, document }
+        Self { file: file.into(), is_saved: true, fitted, surfaces, max_depth_m, scale: 1.0, document }
+    }
+
+    /// Returns the scene with its room scaled to a known length.
+    ///
+    /// # Errors
+    /// If no scale follows from the length.
+    pub fn with_known_length(&self, known: &KnownLength) -> Result<Self, SessionError> {
+        let factor = known.factor(self.estimate())?;
+        let scaled = Self::new(self.file.clone(), self.document.scaled(factor)?);
+        Ok(Self { is_saved: self.is_saved, scale: self.scale * factor, ..scaled })
     }
 
     /// Declares that the scene file does not exist yet.

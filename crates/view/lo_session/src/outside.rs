@@ -3,15 +3,15 @@ use std::sync::Arc;
 use lightoctree::LitScene;
 use lo_export::RoomFaces;
 use lo_geometry::{Camera, Mat3, Ray, Vec3};
-use lo_imaging as imaging;
-use lo_imaging::{Image, ToneCurve};
-use lo_mesh::{Hit, Material, Model, PlacedModel, PreparedModel};
+use lo_imaging::Image;
+use lo_mesh::{Material, Model, PlacedModel, PreparedModel};
 use lo_octree::{LeafNode, Octree};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::lit::LitSceneCache;
-use crate::overlay::{DepthRange, level_color, normal_color, origin_color, origin_of_leaf};
+use crate::outside_rays::RayCaster;
+use crate::overlay::DepthRange;
 use crate::visibility::visible_faces;
 use crate::{Overlay, SessionError, State};
 
@@ -26,16 +26,6 @@ const FOVS_DEG: std::ops::RangeInclusive<f32> = 5.0..=120.0;
 
 /// Maximum exposure in either direction, stops.
 const MAX_EXPOSURE_EV: f32 = 20.0;
-
-/// Background colour, equal to the page's.
-const BACKGROUND: [u8; 3] = [48; 3];
-
-/// Brightness of flat-coloured faces by axis, so that corners are visible.
-const FLAT_SHADES: [f32; 3] = [0.84, 1.0, 0.7];
-
-/// Radiance of an object's white surface facing the viewer, and the share of it at grazing angles.
-const OBJECT_WHITE: f32 = 0.7;
-const OBJECT_AMBIENT: f32 = 0.3;
 
 /// A view of the room from any viewpoint.
 ///
@@ -98,7 +88,8 @@ impl OutsideView {
 /// Renders a scene's room from outside: the octree's leaves with their radiance, and the objects.
 ///
 /// Walls are single-sided and reduced to what is visible from inside, so the view opens into the room like a doll's
-/// house. Objects show their base colour under a light at the viewer, independent of the room's light.
+/// house. Inferred surfaces in front of observed ones are transparent. Objects show their base colour under a light at
+/// the viewer, independent of the room's light.
 pub struct OutsideRenderer {
     scenes: Arc<LitSceneCache>,
     room: Option<RoomMesh>,
@@ -143,7 +134,16 @@ impl OutsideRenderer {
         };
         let objects: Vec<PlacedModel> = models.iter().map(|model| &**model).zip(&state.objects).map(placed).collect();
         let eye_m = Vec3::from(view.eye_m);
-        let caster = RayCaster { scene: &scene, room, objects: &objects, view, pitch: camera.pixel_angle_rad() };
+        let caster = RayCaster {
+            scene: &scene,
+            faces: &room.faces,
+            leaves: &room.leaves,
+            depth_range_m: room.depth_range_m,
+            objects: &objects,
+            show: view.show,
+            exposure_ev: view.exposure_ev,
+            pitch: camera.pixel_angle_rad(),
+        };
         let color = |u: f64, v: f64| {
             caster.color(&Ray { origin: eye_m, direction: (world_from_camera * camera.direction(u, v)).normalize() })
         };
@@ -191,84 +191,4 @@ pub(crate) fn single_sided(positions_m: &[Vec3], quads: &[[u32; 4]]) -> Prepared
         materials: vec![Material { double_sided: false, ..Material::default() }],
         ..Model::default()
     })
-}
-
-/// Everything that a ray can hit.
-struct RayCaster<'a> {
-    scene: &'a LitScene,
-    room: &'a RoomMesh,
-    objects: &'a [PlacedModel<'a>],
-    view: &'a OutsideView,
-    /// Distance between the rays of neighbouring pixels at one metre, metres.
-    pitch: f32,
-}
-
-impl RayCaster<'_> {
-    fn color(&self, ray: &Ray) -> [u8; 3] {
-        let face = self.room.faces.intersect(ray, f32::INFINITY);
-        // The surface lies anywhere within its leaf, so an object counts as hidden only behind the far side of the
-        // leaf.
-        let depth = |hit: Hit| self.room.leaves[hit.triangle as usize / 2].depth;
-        let leaf_end_m = |hit: Hit| hit.distance_m + self.scene.light.cube.node_edge_m(depth(hit));
-        let mut nearest_m = face.map_or(f32::INFINITY, leaf_end_m);
-        let mut object = None;
-        for placed in self.objects {
-            if let Some(hit) = placed.intersect(ray, nearest_m) {
-                nearest_m = hit.distance_m;
-                object = Some((placed, hit));
-            }
-        }
-        match (object, face) {
-            (Some((placed, hit)), _) => {
-                let surface = placed.surface(&hit, ray.direction, self.pitch * hit.distance_m);
-                match self.view.show {
-                    Some(Overlay::Normals) => normal_color(surface.shading_normal),
-                    Some(Overlay::Depth) => self.depth_color(ray, hit.distance_m),
-                    _ => {
-                        let facing = surface.shading_normal.dot(-ray.direction).max(0.0);
-                        let light = OBJECT_WHITE * (OBJECT_AMBIENT + (1.0 - OBJECT_AMBIENT) * facing);
-                        let lit = Vec3::from(surface.base_color) * light + Vec3::from(surface.emissive);
-                        self.developed(lit.to_array())
-                    }
-                }
-            }
-            (None, Some(hit)) => {
-                let LeafNode { depth, row, .. } = self.room.leaves[hit.triangle as usize / 2];
-                match self.view.show {
-                    None => {
-                        let [r, g, b, _] = self.scene.light.rgba[depth as usize][row];
-                        self.developed([r, g, b])
-                    }
-                    Some(Overlay::Normals) => normal_color(self.normal(hit.triangle)),
-                    Some(Overlay::Depth) => self.depth_color(ray, hit.distance_m),
-                    Some(Overlay::Levels) => self.flat(level_color(depth), hit.triangle),
-                    Some(Overlay::Provenance) => {
-                        self.flat(origin_color(origin_of_leaf(self.scene, depth, row)), hit.triangle)
-                    }
-                }
-            }
-            (None, None) => BACKGROUND,
-        }
-    }
-
-    fn developed(&self, radiance: [f32; 3]) -> [u8; 3] {
-        let gain = self.view.exposure_ev.exp2();
-        ToneCurve::Clip.apply(radiance.map(|value| value * gain)).map(imaging::srgb8_from_linear)
-    }
-
-    fn depth_color(&self, ray: &Ray, distance_m: f32) -> [u8; 3] {
-        self.room.depth_range_m.color(-ray.at(distance_m).z)
-    }
-
-    fn normal(&self, triangle: u32) -> Vec3 {
-        let model = self.room.faces.model();
-        let [a, b, c] = model.triangles[triangle as usize].map(|corner| model.positions[corner as usize]);
-        (b - a).cross(c - a).normalize_or_zero()
-    }
-
-    fn flat(&self, color: [u8; 3], triangle: u32) -> [u8; 3] {
-        let normal = self.normal(triangle).abs();
-        let shade = normal.dot(Vec3::from(FLAT_SHADES));
-        color.map(|code| (f32::from(code) * shade) as u8)
-    }
 }

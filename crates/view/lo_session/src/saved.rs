@@ -36,7 +36,8 @@ impl State {
     pub fn from_document(document: &Document, ground: Ground<'_>) -> Result<(Self, Meshes), SessionError> {
         let ObjectDisplay { floor_gloss, frames, fps, time_s } = document.shown;
         let lights = document.light_edits.clone();
-        let mut state = Self { objects: Vec::new(), lights, floor_gloss, frames, fps, time_s };
+        let objects = Vec::new();
+        let mut state = Self { objects, lights, floor_gloss, frames, fps, time_s, known_length: None };
         let mut meshes = Meshes::new();
         let Some(layout) = &document.layout else { return Ok((state, meshes)) };
         for (object, id) in layout.objects().iter().zip(1..) {
@@ -88,8 +89,8 @@ fn placed(
         path,
         align,
         material,
-        is_hidden: false,
-        is_locked: false,
+        is_hidden: from.hidden,
+        is_locked: from.locked,
         placement: Placement::at(ground.estimate, Default::default(), align),
     };
     object.placed(ground, time_s)

@@ -11,6 +11,7 @@ use crate::{SessionError, State};
 pub struct Sequence {
     inserter: Inserter,
     models: Vec<Arc<PreparedModel>>,
+    names: Vec<String>,
     /// Placements by object and frame.
     placements: Vec<Vec<Placement>>,
     size: (usize, usize),
@@ -36,7 +37,13 @@ impl Sequence {
         let size = (photo.width(), photo.height());
         let inserter = Inserter::new(&lit, Lighting::Octree, quality)?;
         let inserter = inserter.with_floor_gloss(state.floor_gloss).with_photo_look();
-        Ok(Self { inserter, models, placements, size, frames })
+        let names = state.objects.iter().map(|object| object.name.clone()).collect();
+        Ok(Self { inserter, models, names, placements, size, frames })
+    }
+
+    /// Renders all layers, as `insert --layers` does.
+    pub fn with_layers(self) -> Self {
+        Self { inserter: self.inserter.with_passes(), ..self }
     }
 
     /// Returns the number of frames.
@@ -54,9 +61,10 @@ impl Sequence {
     /// # Errors
     /// Cancelled if `on_event` breaks ([`SessionError::is_cancelled`]).
     pub fn render(&self, frame: usize, on_event: OnEvent<'_>) -> Result<Composite, SessionError> {
-        let objects = self.models.iter().zip(&self.placements);
-        let instances: Vec<Instance> =
-            objects.map(|(model, placements)| Instance::new(model, placements[frame])).collect();
+        let objects = self.models.iter().zip(&self.placements).zip(&self.names);
+        let instances: Vec<Instance> = objects
+            .map(|((model, placements), name)| Instance::in_sequence(model, placements, frame).named(name))
+            .collect();
         Ok(self.inserter.render(&instances, on_event)?)
     }
 }

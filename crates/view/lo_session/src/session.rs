@@ -1,31 +1,28 @@
 use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, InferredLight, LightMode};
+use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, KnownLength};
 use lo_insert::Layout;
 use lo_mesh::Model;
-use lo_scene::{CONTRASTS, LightEdits, LightEffect, MAX_LIGHT_EDITS, ObjectDisplay, WARMTHS_EV, plain_name};
+use lo_scene::{LightEdits, ObjectDisplay, plain_name};
 
 use crate::drag::dragged;
 use crate::history::History;
+use crate::scaled_scenes::{ScaledScenes, in_scaled_room};
 use crate::snap::{fallen, is_held};
 use crate::{Command, Files, Mesh, Object, ObjectPosition, OpenScene, SessionError, State};
 
 /// Maximum number of meshes besides the built-in ones.
 const MAX_MESHES: usize = 200;
 
-/// Refusals of a choice of light.
-const NO_CHOICE: &str = "a network did not infer the light of this scene: all choices are the same";
-const NO_EXPECTATION: &str = "this scene has no expected light: contrast, warmth and white have no effect; \
-     estimate it again, without a panorama";
-
 /// An editing session of one scene's objects and lights.
 ///
 /// A gesture is a series of [`Session::preview`]s. [`Session::commit`] keeps it as one step of the history,
 /// [`Session::cancel`] discards it.
 pub struct Session {
+    /// The scene in the scale of the shown state.
     pub(crate) scene: Arc<OpenScene>,
+    scaled_scenes: ScaledScenes,
     meshes: BTreeMap<String, Arc<Mesh>>,
     state: State,
     /// State shown by the current gesture.
@@ -54,6 +51,7 @@ impl Session {
             file: scene.file.clone(),
             has_file: scene.is_saved,
             saved: Some(state.clone()),
+            scaled_scenes: ScaledScenes::new(scene.clone()),
             scene,
             meshes,
             state,
@@ -112,7 +110,12 @@ impl Session {
 
     /// Returns the light edits of the scene file.
     pub(crate) fn saved_lights(&self) -> &LightEdits {
-        self.saved.as_ref().map_or(&self.scene.document.light_edits, |saved| &saved.lights)
+        self.saved.as_ref().map_or(&self.scaled_scenes.own().document.light_edits, |saved| &saved.lights)
+    }
+
+    /// Returns the length to which the scene file was scaled in this session.
+    pub(crate) fn saved_known_length(&self) -> Option<KnownLength> {
+        self.saved.as_ref().and_then(|saved| saved.known_length)
     }
 
     /// Executes a command as one step of the history. Commits a gesture in progress first.
@@ -123,6 +126,7 @@ impl Session {
         self.commit();
         let next = self.changed(command)?;
         self.push(next);
+        self.follow_scale();
         Ok(())
     }
 
@@ -132,6 +136,7 @@ impl Session {
     /// If the command is invalid; the shown state does not change then.
     pub fn preview(&mut self, command: &Command) -> Result<(), SessionError> {
         self.preview = Some(self.changed(command)?);
+        self.follow_scale();
         Ok(())
     }
 
@@ -145,6 +150,7 @@ impl Session {
     /// Discards the current gesture.
     pub fn cancel(&mut self) {
         self.preview = None;
+        self.follow_scale();
     }
 
     /// Moves to another time. Commits a gesture in progress first.
@@ -161,16 +167,25 @@ impl Session {
 
     /// Discards the current gesture, or undoes the last step. Returns `false` if there is neither.
     pub fn undo(&mut self) -> bool {
-        if self.preview.take().is_some() {
-            return true;
-        }
-        self.history.undo(&mut self.state)
+        let is_undone = self.preview.take().is_some() || self.history.undo(&mut self.state);
+        self.follow_scale();
+        is_undone
     }
 
     /// Redoes the last undone step. Returns `false` if there is none.
     pub fn redo(&mut self) -> bool {
         self.preview = None;
-        self.history.redo(&mut self.state)
+        let is_redone = self.history.redo(&mut self.state);
+        self.follow_scale();
+        is_redone
+    }
+
+    /// Makes the scene that of the shown state's scale.
+    fn follow_scale(&mut self) {
+        // The scale was valid when the state was made.
+        if let Ok(scene) = self.scaled_scenes.at(self.state().known_length) {
+            self.scene = scene;
+        }
     }
 
     /// Returns the bytes of all added meshes and the files that they reference, without those of the document.
@@ -233,7 +248,26 @@ impl Session {
     fn changed(&mut self, command: &Command) -> Result<State, SessionError> {
         // `MoveKey` refers to the keyframe's time before the gesture.
         let from = if matches!(command, Command::MoveKey { .. }) { &self.state } else { self.state() };
-        let mut state = from.clone();
+        let state = from.clone();
+        match command {
+            Command::Together { commands } => {
+                if commands.len() > Layout::MAX_OBJECTS {
+                    return Err(SessionError::TooMany { what: "commands in one step", limit: Layout::MAX_OBJECTS });
+                }
+                let is_single = |one: &Command| {
+                    !matches!(one, Command::Together { .. } | Command::MoveKey { .. } | Command::KnownLength { .. })
+                };
+                if !commands.iter().all(is_single) {
+                    return Err(SessionError::NotTogether);
+                }
+                commands.iter().try_fold(state, |state, one| self.changed_from(state, one))
+            }
+            _ => self.changed_from(state, command),
+        }
+    }
+
+    /// Returns a state after a command.
+    fn changed_from(&mut self, mut state: State, command: &Command) -> Result<State, SessionError> {
         let scene = self.scene.clone();
         let time_s = state.time_s;
         let object = |id: u32, change: &dyn Fn(&mut Object) -> Result<(), SessionError>| {
@@ -250,11 +284,11 @@ impl Session {
         let changed = match command {
             Command::Add { mesh, pixel, material } => {
                 let mesh = self.mesh(mesh)?;
-                let new = self.new_object(mesh, *pixel, material.clone())?;
+                let new = self.new_object(&state, mesh, *pixel, material.clone())?;
                 return with_new(state, new);
             }
             Command::Duplicate { object } => {
-                let new = self.duplicate(state.object(*object)?)?;
+                let new = self.duplicate(&state, state.object(*object)?)?;
                 return with_new(state, new);
             }
             Command::Delete { object } => {
@@ -301,6 +335,10 @@ impl Session {
                 shown.invalid_field().map_or(Ok(()), |why| Err(SessionError::Sequence(why)))?;
                 return Ok(State { frames: *frames, fps: *fps, ..state });
             }
+            Command::KnownLength { known } => {
+                let scaled = self.scaled_scenes.at(*known)?;
+                return in_scaled_room(state, *known, &scaled, scaled.scale / scene.scale);
+            }
             Command::FloorGloss { gloss } => {
                 if !(0.0..=1.0).contains(gloss) {
                     let found = f64::from(*gloss);
@@ -316,7 +354,7 @@ impl Session {
                 return Ok(state);
             }
             _ => {
-                self.change_lights(&mut state.lights, command)?;
+                self.change_lights(&mut state, command)?;
                 return Ok(state);
             }
         };
@@ -341,79 +379,6 @@ impl Session {
                 object.placement.support.is_none() && matches!(object.position, ObjectPosition::Position(_));
             is_in_air && !is_held(&self.scene, object)
         })
-    }
-
-    /// Returns the changed choice of light; `None` if it equals the default.
-    fn changed_inferred_light(&self, state: &State, command: &Command) -> Result<Option<InferredLight>, SessionError> {
-        let estimate = self.scene.estimate();
-        let within = |name, needed, range: RangeInclusive<f32>, value: f32| {
-            let found = f64::from(value);
-            if range.contains(&value) { Ok(value) } else { Err(SessionError::InvalidNumber { name, needed, found }) }
-        };
-        let mut inferred = state.lights.inferred.unwrap_or_default();
-        let no_effect = match (LightEffect::of(estimate), command) {
-            (LightEffect::None, _) => Some(NO_CHOICE),
-            (_, Command::InferredLight { .. }) => None,
-            (LightEffect::Fitted, _) => Some(NO_EXPECTATION),
-            (_, Command::Contrast { .. }) => {
-                (inferred.light != LightMode::Plausible).then_some("contrast has an effect only on plausible light")
-            }
-            _ => (inferred.light == LightMode::Even)
-                .then_some("warmth and white have an effect on expected and plausible light, not even light"),
-        };
-        if let Some(why) = no_effect {
-            return Err(SessionError::NoEffect(why));
-        }
-        let tuning = &mut inferred.tuning;
-        match *command {
-            Command::InferredLight { light } => inferred.light = light,
-            Command::Contrast { factor } => {
-                tuning.contrast = within("the contrast", "from 0 to 3", CONTRASTS, factor)?;
-            }
-            Command::Warmth { ev } => tuning.warmth_ev = within("the warmth", "from -4 to 4 stops", WARMTHS_EV, ev)?,
-            Command::White { pixel } => {
-                pixel.map_or(Ok(()), |pixel| lo_estimate::check_white(estimate, pixel))?;
-                tuning.white = pixel;
-            }
-            _ => {}
-        }
-        // If the scene file has a choice, the state keeps one, so that the command line states it.
-        let is_needed = inferred != InferredLight::default() || self.scene.document.light_edits.inferred.is_some();
-        Ok(is_needed.then_some(inferred))
-    }
-
-    fn change_lights(&self, lights: &mut LightEdits, command: &Command) -> Result<(), SessionError> {
-        let full = SessionError::TooMany { what: "changed lights", limit: MAX_LIGHT_EDITS };
-        let estimate = self.scene.estimate();
-        match command {
-            Command::SetLight { light, change } => {
-                change.invalid_field().map_or(Ok(()), |what| Err(SessionError::OutOfRange(what)))?;
-                let listed = self.scene.lights().iter().find(|listed| listed.id == *light);
-                if listed.is_none() && !lights.added.iter().any(|added| added.id == *light) {
-                    return Err(SessionError::NoLight(light.clone()));
-                }
-                let found_at_m = listed.and_then(|listed| listed.position_m).unwrap_or_default();
-                if lights.change(light, found_at_m, *change) { Ok(()) } else { Err(full) }
-            }
-            Command::AddLight { new } => lights.add(new.analytic(estimate)?).map(|_| ()).ok_or(full),
-            Command::ReplaceLight { light, new } => {
-                let new = new.analytic(estimate)?;
-                let added = lights.added.iter_mut().find(|added| added.id == *light);
-                added.ok_or_else(|| SessionError::NoLight(light.clone()))?.light = new;
-                Ok(())
-            }
-            Command::RemoveLight { light } => {
-                if lights.remove(light) {
-                    Ok(())
-                } else {
-                    Err(SessionError::NoLight(light.clone()))
-                }
-            }
-            _ => {
-                *lights = LightEdits::default();
-                Ok(())
-            }
-        }
     }
 }
 

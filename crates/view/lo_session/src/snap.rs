@@ -19,6 +19,10 @@ const SAMPLE_RADIUS: f64 = 0.012;
 /// Maximum slope of a supporting surface, degrees.
 const MAX_SLOPE_DEG: f32 = 40.0;
 
+/// Search for a place in front of a wall: shares of the object's height that are tested, and step, metres.
+const WALL_HEIGHTS: [f32; 3] = [0.3, 0.5, 0.7];
+const WALL_STEP_M: f32 = 0.01;
+
 /// Search for a surface below an object: height above its base at the start, step, and length, metres.
 const FALL_FROM_M: f32 = 0.02;
 const FALL_STEP_M: f32 = 0.01;
@@ -33,6 +37,30 @@ pub(crate) fn standing(scene: &OpenScene, object: &Object, pixel: [f64; 2]) -> O
     let moved = Object { position: ObjectPosition::Pixel(pixel), path: None, ..object.clone() };
     let placement = moved.placed(scene.ground(), 0.0).ok()?.placement;
     placement.support.is_some().then_some(placement)
+}
+
+/// Returns the nearest pixel towards the camera at which an object stands on the same level and does not reach into a
+/// wall behind it, such as the back of a shelf. The same pixel if it does not there, or there is no such place nearby.
+pub(crate) fn before_wall(scene: &OpenScene, object: &Object, pixel: [f64; 2]) -> [f64; 2] {
+    let Some(rests) = standing(scene, object, pixel) else { return pixel };
+    let up = rests.up;
+    let Some(away) = rests.position_m.reject_from(up).try_normalize() else { return pixel };
+    let size_m = object.mesh.size() * rests.scale;
+    let reach_m = reach_m(&Object { placement: rests, ..object.clone() }, away);
+    let reaches_into_wall = |base_m: Vec3| {
+        WALL_HEIGHTS.iter().any(|share| {
+            let middle_m = base_m + up * (share * size_m.y);
+            // What hides the middle, too, is not behind the object but in front of it.
+            is_hidden(scene, middle_m + away * reach_m) && !is_hidden(scene, middle_m)
+        })
+    };
+    let steps = (2.0 * reach_m / WALL_STEP_M) as usize;
+    let clear = (0..=steps).map(|step| rests.position_m - away * (WALL_STEP_M * step as f32));
+    let Some(clear_m) = clear.into_iter().find(|base_m| !reaches_into_wall(*base_m)) else { return pixel };
+    let Some((u, v, _)) = scene.estimate().frame.camera.project(clear_m) else { return pixel };
+    let is_level =
+        |moved: Placement| (moved.position_m - rests.position_m).dot(up).abs() <= tolerance_m(scene, clear_m);
+    if clear_m != rests.position_m && standing(scene, object, [u, v]).is_some_and(is_level) { [u, v] } else { pixel }
 }
 
 /// Returns whether the level of a placement continues around its pixel, so that the pixel is not at a depth edge.

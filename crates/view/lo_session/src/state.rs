@@ -1,4 +1,4 @@
-use lightoctree::InferredLight;
+use lightoctree::{InferredLight, KnownLength};
 use lo_insert::{Ground, InsertError, Layout};
 use lo_scene::{LightEdits, ObjectDisplay};
 
@@ -20,12 +20,15 @@ pub struct State {
     pub fps: u32,
     /// Current time, seconds.
     pub time_s: f64,
+    /// Length to which the room of the scene file is scaled.
+    pub known_length: Option<KnownLength>,
 }
 
 impl Default for State {
     fn default() -> Self {
         let ObjectDisplay { floor_gloss, frames, fps, time_s } = ObjectDisplay::default();
-        Self { objects: Vec::new(), lights: LightEdits::default(), floor_gloss, frames, fps, time_s }
+        let (objects, lights) = (Vec::new(), LightEdits::default());
+        Self { objects, lights, floor_gloss, frames, fps, time_s, known_length: None }
     }
 }
 
@@ -69,8 +72,8 @@ impl State {
         let same = |a: &Object, b: &Object| a.to_layout() == b.to_layout();
         self.objects.len() == other.objects.len()
             && std::iter::zip(&self.objects, &other.objects).all(|(a, b)| same(a, b))
-            && (&self.lights, self.floor_gloss, self.frames, self.fps)
-                == (&other.lights, other.floor_gloss, other.frames, other.fps)
+            && (&self.lights, self.floor_gloss, self.frames, self.fps, self.known_length)
+                == (&other.lights, other.floor_gloss, other.frames, other.fps, other.known_length)
     }
 
     /// Returns the times of the first and last keyframe, seconds; `None` without keyframes.

@@ -1,4 +1,4 @@
-use lightoctree::InferredLight;
+use lightoctree::{InferredLight, KnownLength};
 use lo_insert::{Align, Path};
 use lo_lights::{ListedLight, sun_angles_deg};
 use lo_scene::LightEffect;
@@ -6,7 +6,8 @@ use lo_scene::{AddedLight, LightChange, LightEdits, LightShape};
 use serde::Serialize;
 
 use crate::first_size::MeshUnit;
-use crate::{ObjectMaterial, ObjectPosition, ObjectSize, Session, insert_command};
+use crate::sun_shadow::shadow_pixel;
+use crate::{Object, ObjectMaterial, ObjectPosition, ObjectSize, Session, State, insert_command};
 
 /// A session as data for a front end.
 #[derive(Clone, Debug, Serialize)]
@@ -20,6 +21,10 @@ pub struct SessionView {
     pub lights: Vec<LightView>,
     /// Gloss of the surfaces that carry objects, 0 to 1.
     pub floor_gloss: f32,
+    /// Length to which the room of the scene file is scaled.
+    pub known_length: Option<KnownLength>,
+    /// Factor by which the room is larger than in the scene file.
+    pub room_scale: f32,
     /// Whether there is a step to undo.
     pub can_undo: bool,
     /// Whether there is a step to redo.
@@ -92,12 +97,24 @@ pub struct ObjectView {
     pub scale: f32,
     /// Whether a surface supports it.
     pub rests: bool,
+    /// Shadows of its top in the added suns that are on.
+    pub shadows: Vec<ShadowView>,
     /// Unit of the mesh's coordinates, in the plural.
     pub unit: &'static str,
     /// Metres per unit of the mesh by that unit.
     pub metres_per_unit: f64,
     /// Whether the mesh's format defines the unit; otherwise it is inferred.
     pub unit_is_stated: bool,
+}
+
+/// Shadow of an object's top.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+pub struct ShadowView {
+    /// Id of the sun.
+    pub light: String,
+    /// Photo position, pixels; may be outside of the photo.
+    pub pixel: [f64; 2],
 }
 
 /// Choice of light for unobserved regions.
@@ -129,6 +146,17 @@ impl Session {
     pub fn view(&self) -> SessionView {
         let state = self.state();
         let scene = self.scene();
+        let shadows = |object: &Object| {
+            let suns = state.lights.added.iter().filter(|added| added.change.on);
+            let shadow = |added: &AddedLight| match added.light.shape {
+                LightShape::Sun { direction, .. } => {
+                    let pixel = shadow_pixel(scene, object, direction)?;
+                    Some(ShadowView { light: added.id.clone(), pixel })
+                }
+                _ => None,
+            };
+            suns.filter_map(shadow).collect()
+        };
         let objects = state.objects.iter().map(|object| (object, MeshUnit::of(&object.mesh)));
         let objects = objects.map(|(object, MeshUnit { unit, is_stated })| ObjectView {
             id: object.id,
@@ -147,6 +175,7 @@ impl Session {
             size_m: (object.mesh.size() * object.placement.scale).to_array(),
             scale: object.placement.scale,
             rests: object.placement.support.is_some(),
+            shadows: shadows(object),
             unit: unit.name(),
             metres_per_unit: unit.metres(),
             unit_is_stated: is_stated,
@@ -173,13 +202,15 @@ impl Session {
             },
             lights: found.chain(state.lights.added.iter().map(added)).collect(),
             floor_gloss: state.floor_gloss,
+            known_length: state.known_length,
+            room_scale: scene.scale,
             can_undo,
             can_redo,
-            command: insert_command(self.file(), &state.shown_in_images()),
+            command: insert_command(self.file(), &self.on_command_line()),
             file: self.file().to_owned(),
             has_file: self.has_file(),
             unsaved: self.is_unsaved(),
-            edited: is_edited(&state.lights, self.saved_lights()),
+            edited: self.is_edited(),
             meshes: self.mesh_names(),
             timeline: TimelineView {
                 time_s: state.time_s,
@@ -189,6 +220,30 @@ impl Session {
                 fps: state.fps,
             },
         }
+    }
+}
+
+impl Session {
+    /// Returns the shown state as the command line has it: without hidden objects, and scaled only if the scene file is
+    /// not.
+    fn on_command_line(&self) -> State {
+        let shown = self.state().shown_in_images();
+        State { known_length: shown.known_length.filter(|_| !self.has_saved_scale()), ..shown }
+    }
+
+    /// Returns whether the scene must be saved before the command line renders the shown state.
+    fn is_edited(&self) -> bool {
+        let (state, saved) = (self.state(), self.saved_lights());
+        match self.saved_known_length() {
+            known if known == state.known_length => is_edited(&state.lights, saved),
+            // The option scales the file's lights, too.
+            None => is_edited(&state.lights, &saved.in_scaled_room(self.scene().scale)),
+            Some(_) => true,
+        }
+    }
+
+    fn has_saved_scale(&self) -> bool {
+        self.saved_known_length() == self.state().known_length
     }
 }
 

@@ -3,20 +3,23 @@
 import { add, alongAxis, axes, complete, corners, dot, isInHull, minus, onPlane, project, times } from "./camera.js";
 import { around } from "./dom.js";
 import { handleAt, heightAboveFloor } from "./handles.js";
+import { hintOf, lightDrag, lightHandleAt, markAt, movedTo, placeOf } from "./light_marks.js";
 import { levelAxes } from "./orbit.js";
+import { together } from "./selection.js";
 
 /** @import { Pixel, Vector } from "./camera.js" */
 /** @import { Gizmo, Handle } from "./handles.js" */
-/** @import { Command, FromPage, ObjectView } from "./protocol.d.ts" */
+/** @import { LightHandle } from "./light_marks.js" */
+/** @import { Command, FromPage, ObjectView, SceneInfo } from "./protocol.d.ts" */
 /** @import { Page } from "./store.js" */
 
 /**
- * A drag of an object or of one of its handles.
+ * A drag of objects, of a handle, or of a light.
  *
  * @typedef {object} Gesture
- * @property {Handle | "move"} handle
- * @property {number} object Id of the object.
- * @property {(pixel: Pixel) => Command | null} command Returns the command for a pointer position.
+ * @property {Handle | "move" | "mark" | "shadow"} handle
+ * @property {number | null} object Id of the object; null for a light.
+ * @property {(pixel: Pixel, isShift: boolean) => Command | null} command Returns the command for a pointer position.
  * @property {boolean} [moved] Whether a command was previewed.
  */
 
@@ -34,6 +37,8 @@ const SIDES_M = [0.005, 20];
 export function listen(stage, page) {
   /** @type {Gesture | null} */
   let gesture = null;
+  /** @type {number | null} */
+  let clicked = null;
   page.gesture = () => gesture;
 
   stage.addEventListener("pointerdown", (event) => {
@@ -46,45 +51,69 @@ export function listen(stage, page) {
       event.preventDefault();
       return;
     }
+    const [reach, lights] = [page.reach(), page.photoLights()];
     const selected = page.selected();
     const gizmo = page.gizmo();
-    const handle = handleAt(gizmo, pixel, page.reach());
+    const isAdding = event.shiftKey;
+    const own = isAdding ? null : lightHandleAt(lights, pixel, reach);
+    const handle = own || isAdding ? null : handleAt(gizmo, pixel, reach);
+    const light = own ?? (handle ? null : markAt(lights, pixel, reach));
+    if (light) {
+      if (light.kind === "mark") page.selectLight(light.mark.light.id);
+      begin(event, beginLight(page, light, pixel));
+      return;
+    }
     const object = handle ? selected : objectAt(page, pixel);
-    page.select(object ? object.id : null);
+    const isKept = object !== null && (handle !== null || (!isAdding && page.isSelected(object.id)));
+    if (!isKept) page.select(object ? object.id : null, isAdding);
     stage.focus();
     if (!object) {
       page.startPan(event);
       return;
     }
-    stage.setPointerCapture(event.pointerId);
-    gesture = handle && gizmo ? beginHandle(page, object, gizmo, handle, pixel) : beginMove(page, object, pixel);
-    page.redraw();
-    event.preventDefault();
+    // A click on one of several selected objects selects it alone; a drag moves all of them.
+    clicked = isKept && !handle ? object.id : null;
+    if (isAdding && !handle) event.preventDefault();
+    else begin(event, handle && gizmo ? beginHandle(page, object, gizmo, handle, pixel) : beginMove(page, pixel));
   });
 
   stage.addEventListener("pointermove", (event) => {
     if (!page.scene) return;
     const pixel = page.photoPosition(event);
     if (gesture) {
-      const command = gesture.command(pixel);
+      const command = gesture.command(pixel, event.shiftKey);
       if (command) {
         gesture.moved = true;
         page.preview(command);
       }
       return;
     }
-    const handle = page.picking ? null : handleAt(page.gizmo(), pixel, page.reach());
-    page.hovered = page.picking ? null : handle ? page.selected() : objectAt(page, pixel);
-    stage.style.cursor = handle ? "grab" : page.hovered ? "move" : "crosshair";
+    const [reach, lights] = [page.reach(), page.photoLights()];
+    const own = page.picking ? null : lightHandleAt(lights, pixel, reach);
+    const handle = page.picking || own ? null : handleAt(page.gizmo(), pixel, reach);
+    const light = own ?? (page.picking || handle ? null : markAt(lights, pixel, reach));
+    page.hovered = page.picking || light ? null : handle ? page.selected() : objectAt(page, pixel);
+    stage.style.cursor = handle || light ? "grab" : page.hovered ? "move" : "crosshair";
+    page.hint(light ? hintOf(light) : "");
     page.hover(pixel);
     page.redraw();
   });
+
+  /** @type {(event: PointerEvent, begun: Gesture | null) => void} */
+  const begin = (event, begun) => {
+    stage.focus();
+    stage.setPointerCapture(event.pointerId);
+    gesture = begun;
+    page.redraw();
+    event.preventDefault();
+  };
 
   /** @param {boolean} isKept */
   const end = (isKept) => {
     if (!gesture) return;
     if (gesture.moved) page.send({ type: isKept ? "commit" : "cancel" });
-    gesture = null;
+    else if (isKept && clicked !== null) page.select(clicked);
+    gesture = clicked = null;
     page.redraw();
   };
   stage.addEventListener("pointerup", () => end(true));
@@ -92,6 +121,7 @@ export function listen(stage, page) {
   stage.addEventListener("lostpointercapture", () => end(true));
   stage.addEventListener("pointerleave", () => {
     page.hovered = null;
+    page.hint("");
     page.redraw();
   });
 
@@ -136,19 +166,32 @@ function objectAt(page, pixel) {
 }
 
 /**
- * Starts to move an object along the surfaces of the room; null if its base is behind the camera.
+ * Starts to move the selected objects along the surfaces of the room; null if no base is in front of the camera.
  *
  * @param {Page} page
- * @param {ObjectView} object
  * @param {Pixel} from
  * @returns {Gesture | null}
  */
-function beginMove(page, object, from) {
-  const { id } = object;
-  const base = project(page.openScene().camera, object.position_m);
-  if (!base) return null;
-  const offset = [base[0] - from[0], base[1] - from[1]];
-  return { handle: "move", object: id, command: ([u, v]) => ({ do: "drag", object: id, to: [u + offset[0], v + offset[1]] }) };
+function beginMove(page, from) {
+  const moving = page.group().filter(({ is_locked }) => !is_locked).flatMap(({ id, position_m }) => {
+    const base = project(page.openScene().camera, position_m);
+    return base ? [{ id, offset: [base[0] - from[0], base[1] - from[1]] }] : [];
+  });
+  if (!moving.length) return null;
+  return {
+    handle: "move",
+    object: page.selectedId,
+    command: ([u, v]) => together(moving.map(({ id, offset }) => ({ do: "drag", object: id, to: [u + offset[0], v + offset[1]] }))),
+  };
+}
+
+/**
+ * Starts to drag a light.
+ *
+ * @type {(page: Page, handle: LightHandle, from: Pixel) => Gesture}
+ */
+function beginLight(page, handle, from) {
+  return { handle: handle.kind === "arrow" ? handle.name : handle.kind, object: null, command: lightDrag(page, handle, from) };
 }
 
 /**
@@ -162,13 +205,16 @@ function beginMove(page, object, from) {
  * @returns {Gesture}
  */
 function beginHandle(page, object, gizmo, handle, from) {
-  const { camera, up, extent } = page.openScene();
+  const { camera, up } = page.openScene();
   const { id } = object;
+  const group = page.group().filter((other) => other.id === id || !other.is_locked);
+  /** @param {(object: ObjectView) => Command} command */
+  const each = (command) => together(group.map(command));
   /**
    * Returns the gesture whose command depends on the change of a measure.
    *
    * @param {(pixel: Pixel) => number | null} measure
-   * @param {(change: number) => Command} command
+   * @param {(change: number) => Command | null} command
    * @returns {Gesture}
    */
   const by = (measure, command) => {
@@ -188,21 +234,34 @@ function beginHandle(page, object, gizmo, handle, from) {
       const point = onPlane(camera, pixel, gizmo.ring_m, object.up);
       const flat = point && minus(point, gizmo.ring_m);
       return flat && Math.atan2(dot(flat, x), dot(flat, z)) * DEGREES;
-    }, (change) => ({ do: "turn", object: id, yaw_deg: round(rotated(object, wrapped(change)), 10) }));
+    }, (change) => each((other) => ({ do: "turn", object: other.id, yaw_deg: round(rotated(other, wrapped(change)), 10) })));
   }
   if (handle === "size") {
     const middle = project(camera, gizmo.anchor_m) ?? from;
     const start = Math.max(Math.hypot(from[0] - middle[0], from[1] - middle[1]), 1);
-    return { handle, object: id, command: ([u, v]) => scaled(object, Math.max(Math.hypot(u - middle[0], v - middle[1]) / start, 0.02)) };
+    return {
+      handle,
+      object: id,
+      command: ([u, v]) => each((other) => scaled(other, Math.max(Math.hypot(u - middle[0], v - middle[1]) / start, 0.02))),
+    };
   }
   const axis = levelAxes(up)[handle];
-  return by((pixel) => alongAxis(camera, pixel, gizmo.anchor_m, axis), (change) => {
-    const moved = add(object.position_m, times(axis, change));
-    const pixel = object.rests && handle !== "up" ? project(camera, moved) : null;
-    // What stands keeps to its surface.
-    if (pixel) return { do: "drag", object: id, to: pixel };
-    return { do: "place", object: id, place: { position: aboveFloor(moved, up, extent.floor_m) } };
-  });
+  return by(
+    (pixel) => alongAxis(camera, pixel, gizmo.anchor_m, axis),
+    (change) => each((other) => movedAlong(page.openScene(), other, times(axis, change), handle === "up")),
+  );
+}
+
+/**
+ * Returns the command that moves an object; what stands keeps to its surface unless it is lifted.
+ *
+ * @type {(scene: SceneInfo, object: ObjectView, by: Vector, isLift: boolean) => Command}
+ */
+function movedAlong({ camera, up, extent }, { id, position_m, rests }, by, isLift) {
+  const moved = add(position_m, by);
+  const pixel = rests && !isLift ? project(camera, moved) : null;
+  if (pixel) return { do: "drag", object: id, to: pixel };
+  return { do: "place", object: id, place: { position: aboveFloor(moved, up, extent.floor_m) } };
 }
 
 /**
@@ -240,8 +299,8 @@ const round = (value, steps) => Math.round(value * steps) / steps;
 const rotated = (object, by) => (object.path ? object.yaw_deg + by : wrapped(object.yaw_deg + by));
 /** @type {(angle: number) => number} */
 const wrapped = (angle) => angle - 360 * Math.round(angle / 360);
-/** @type {(made: Command) => FromPage} */
-const command = (made) => ({ type: "command", command: made });
+/** @type {(made: Command | null) => FromPage | null} */
+const message = (made) => made && { type: "command", command: made };
 
 /**
  * Returns the message for a key, null if the key was handled, undefined for other keys.
@@ -256,32 +315,35 @@ function messageOf(page, event) {
     const letter = name.toLowerCase();
     if (letter === "z") return { type: event.shiftKey ? "redo" : "undo" };
     if (letter === "y") return { type: "redo" };
-    const selected = page.selected();
-    return letter === "d" && selected ? command({ do: "duplicate", object: selected.id }) : undefined;
+    const copies = page.group().map(({ id }) => /** @type {Command} */ ({ do: "duplicate", object: id }));
+    return letter === "d" ? message(together(copies)) ?? undefined : undefined;
   }
   const plain = page.keys[name] ?? page.keys[name.toLowerCase()];
   if (plain) {
     plain();
     return null;
   }
+  if (page.selectedLight !== null) return ofLight(page, name, isFine);
   const object = page.selected();
   if (!object) {
     const direction = { "+": 1, "=": 1, "-": -1 }[name];
     if (direction) page.zoom(direction);
     return direction ? null : undefined;
   }
-  const { camera, up, extent } = page.openScene();
-  const base = project(camera, object.position_m);
+  const { camera, up } = page.openScene();
   const step = (isFine ? 0.001 : 0.01) * camera.width;
+  const group = page.group();
+  /** @param {(object: ObjectView) => Command | null} command */
+  const each = (command) => message(together(group.map(command)));
   /** @type {(du: number, dv: number) => FromPage | null} */
-  const drag = (du, dv) => base && command({ do: "drag", object: object.id, to: [base[0] + du, base[1] + dv] });
+  const drag = (du, dv) => each(({ id, position_m }) => {
+    const base = project(camera, position_m);
+    return base && { do: "drag", object: id, to: [base[0] + du, base[1] + dv] };
+  });
   /** @param {number} metres */
-  const lift = (metres) => {
-    const position = aboveFloor(add(object.position_m, times(up, metres)), up, extent.floor_m);
-    return command({ do: "place", object: object.id, place: { position } });
-  };
+  const lift = (metres) => each((other) => movedAlong(page.openScene(), other, times(up, metres), true));
   /** @param {number} degrees */
-  const rotate = (degrees) => command({ do: "turn", object: object.id, yaw_deg: rotated(object, degrees) });
+  const rotate = (degrees) => each((other) => ({ do: "turn", object: other.id, yaw_deg: rotated(other, degrees) }));
   switch (name) {
     case "ArrowLeft": return drag(-step, 0);
     case "ArrowRight": return drag(step, 0);
@@ -291,12 +353,27 @@ function messageOf(page, event) {
     case "PageDown": return lift(isFine ? -0.002 : -0.02);
     case "[": return rotate(5);
     case "]": return rotate(-5);
-    case "+": case "=": return command(scaled(object, 1.05));
-    case "-": return command(scaled(object, 1 / 1.05));
-    case "g": case "G": return command({ do: "put-down", object: object.id });
-    case "h": case "H": return command({ do: "show", object: object.id, is_shown: object.is_hidden });
-    case "l": case "L": return command({ do: "lock", object: object.id, is_locked: !object.is_locked });
-    case "Delete": case "Backspace": return command({ do: "delete", object: object.id });
+    case "+": case "=": return each((other) => scaled(other, 1.05));
+    case "-": return each((other) => scaled(other, 1 / 1.05));
+    case "g": case "G": return each(({ id }) => ({ do: "put-down", object: id }));
+    case "h": case "H": return each(({ id }) => ({ do: "show", object: id, is_shown: object.is_hidden }));
+    case "l": case "L": return each(({ id }) => ({ do: "lock", object: id, is_locked: !object.is_locked }));
+    case "Delete": case "Backspace": return each(({ id }) => ({ do: "delete", object: id }));
     default: return undefined;
   }
+}
+
+/**
+ * Returns the message for a key that applies to the selected light: metres for arrows, or removal.
+ *
+ * @type {(page: Page, name: string, isFine: boolean) => FromPage | null | undefined}
+ */
+function ofLight(page, name, isFine) {
+  const light = page.view?.lights.find(({ id }) => id === page.selectedLight);
+  const { right, up, ahead } = levelAxes(page.openScene().up);
+  const axis = { ArrowLeft: times(right, -1), ArrowRight: right, ArrowUp: ahead, ArrowDown: times(ahead, -1), PageUp: up, PageDown: times(up, -1) }[name];
+  const place = light && placeOf(light);
+  if (axis && place) return message(movedTo(light, add(place, times(axis, isFine ? 0.005 : 0.05))));
+  const isRemoval = name === "Delete" || name === "Backspace";
+  return isRemoval && light?.origin === "added" ? message({ do: "remove-light", light: light.id }) : undefined;
 }

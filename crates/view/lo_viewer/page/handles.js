@@ -33,8 +33,12 @@ const MAX_STRETCH = 4;
 /** @type {Record<Handle, string>} */
 const COLORS = { right: "#ff7b72", up: "#7ee787", ahead: "#79b8ff", turn: "#f0a93b", size: "#f0a93b" };
 
-/** @type {(pixel: Pixel, rect: Rect, inset: number) => Pixel} */
-const inside = ([u, v], { left, top, right, bottom }, inset) => [
+/**
+ * Returns the nearest position in a part of the photo, with a distance from its border.
+ *
+ * @type {(pixel: Pixel, rect: Rect, inset: number) => Pixel}
+ */
+export const inside = ([u, v], { left, top, right, bottom }, inset) => [
   Math.min(Math.max(u, left + inset), Math.max(right - inset, left + inset)),
   Math.min(Math.max(v, top + inset), Math.max(bottom - inset, top + inset)),
 ];
@@ -107,12 +111,77 @@ export function segmentDistance([u, v], [a, b], [c, d]) {
 export function handleAt(gizmo, pixel, reach) {
   if (!gizmo) return null;
   if (Math.hypot(gizmo.size[0] - pixel[0], gizmo.size[1] - pixel[1]) <= 0.8 * reach) return "size";
-  /** @type {{ name: Handle, distance: number }[]} */
-  const near = gizmo.arrows.map(({ name, from, to }) => ({ name, distance: segmentDistance(pixel, from, to) }));
   const around = gizmo.ring.slice(1).map((point, i) => segmentDistance(pixel, gizmo.ring[i], point));
-  near.push({ name: "turn", distance: Math.min(...around) });
+  return nearestWithin([...distances(gizmo.arrows, pixel), { name: /** @type {Handle} */ ("turn"), distance: Math.min(...around) }], reach);
+}
+
+/**
+ * Returns the name of the arrow at a photo position, or null. `reach` in photo pixels.
+ *
+ * @type {(arrows: Arrow[], pixel: Pixel, reach: number) => Arrow["name"] | null}
+ */
+export const arrowAt = (arrows, pixel, reach) => nearestWithin(distances(arrows, pixel), reach);
+
+/** @type {(arrows: Arrow[], pixel: Pixel) => { name: Arrow["name"], distance: number }[]} */
+const distances = (arrows, pixel) => arrows.map(({ name, from, to }) => ({ name, distance: segmentDistance(pixel, from, to) }));
+
+/**
+ * @template Name
+ * @param {{ name: Name, distance: number }[]} near
+ * @param {number} reach
+ */
+function nearestWithin(near, reach) {
   const [nearest] = near.filter(({ distance }) => distance <= 0.6 * reach).sort((a, b) => a.distance - b.distance);
   return nearest?.name ?? null;
+}
+
+/**
+ * Draws a polyline with a dark outline, visible on any background. `scale` is canvas pixels per photo pixel.
+ *
+ * @type {(context: CanvasRenderingContext2D, scale: number, rem: number, points: Pixel[], color: string, width: number, dash?: number[]) => void}
+ */
+export function drawPath(context, scale, rem, points, color, width, dash = []) {
+  context.beginPath();
+  points.forEach(([u, v], i) => (i ? context.lineTo(u * scale, v * scale) : context.moveTo(u * scale, v * scale)));
+  context.setLineDash(dash);
+  context.strokeStyle = "#000a";
+  context.lineWidth = width + 0.14 * rem;
+  context.stroke();
+  context.strokeStyle = color;
+  context.lineWidth = width;
+  context.stroke();
+  context.setLineDash([]);
+}
+
+/**
+ * Draws the outline of an object's box.
+ *
+ * @type {(context: CanvasRenderingContext2D, scale: number, rem: number, box: Pixel[], color: string) => void}
+ */
+export function drawBox(context, scale, rem, box, color) {
+  for (const [a, b] of EDGES) drawPath(context, scale, rem, [box[a], box[b]], color, 0.07 * rem);
+}
+
+/**
+ * Draws arrows; `active` is the name of the one that is being dragged.
+ *
+ * @type {(context: CanvasRenderingContext2D, scale: number, rem: number, arrows: Arrow[], active: string | null) => void}
+ */
+export function drawArrows(context, scale, rem, arrows, active) {
+  for (const { name, from, to } of arrows) {
+    const color = active === name ? "#fff" : COLORS[name];
+    drawPath(context, scale, rem, [from, to], color, 0.17 * rem);
+    const length = Math.max(Math.hypot(to[0] - from[0], to[1] - from[1]), 1e-6);
+    const size = ((active === name ? 0.65 : 0.55) * rem) / scale;
+    const [du, dv] = [((to[0] - from[0]) / length) * size, ((to[1] - from[1]) / length) * size];
+    const [u, v] = to;
+    context.beginPath();
+    context.moveTo((u + du) * scale, (v + dv) * scale);
+    context.lineTo((u - du - 0.8 * dv) * scale, (v - dv + 0.8 * du) * scale);
+    context.lineTo((u - du + 0.8 * dv) * scale, (v - dv - 0.8 * du) * scale);
+    context.closePath();
+    fill(context, color, rem);
+  }
 }
 
 /**
@@ -127,44 +196,15 @@ export function handleAt(gizmo, pixel, reach) {
  * @param {string | null} active Name of the handle that is being dragged.
  */
 export function drawHandles(context, scale, rem, selected, hovered, active) {
-  /** @type {(pixel: Pixel) => Pixel} */
-  const at = ([u, v]) => [u * scale, v * scale];
-  /** @type {(points: Pixel[], color: string, width: number) => void} */
-  const line = (points, color, width) => {
-    context.beginPath();
-    points.forEach((point, i) => (i ? context.lineTo(...at(point)) : context.moveTo(...at(point))));
-    // A dark outline, visible on any background.
-    context.setLineDash([]);
-    context.strokeStyle = "#000a";
-    context.lineWidth = width + 0.14 * rem;
-    context.stroke();
-    context.strokeStyle = color;
-    context.lineWidth = width;
-    context.stroke();
-  };
   /** @param {Handle} name */
   const color = (name) => (active === name ? "#fff" : COLORS[name]);
-  /** @type {(box: Pixel[], color: string) => void} */
-  const outline = (box, boxColor) => EDGES.forEach(([a, b]) => line([box[a], box[b]], boxColor, 0.07 * rem));
-  if (hovered?.box) outline(hovered.box, "#ffffffb0");
+  if (hovered?.box) drawBox(context, scale, rem, hovered.box, "#ffffffb0");
   if (!selected) return;
-  if (selected.box) outline(selected.box, "#f0a93b90");
-  line(selected.ring, color("turn"), (active === "turn" ? 0.2 : 0.13) * rem);
-  for (const { name, from, to } of selected.arrows) {
-    line([from, to], color(name), 0.17 * rem);
-    const length = Math.max(Math.hypot(to[0] - from[0], to[1] - from[1]), 1e-6);
-    const size = ((active === name ? 0.65 : 0.55) * rem) / scale;
-    const [du, dv] = [((to[0] - from[0]) / length) * size, ((to[1] - from[1]) / length) * size];
-    const [u, v] = to;
-    context.beginPath();
-    context.moveTo(...at([u + du, v + dv]));
-    context.lineTo(...at([u - du - 0.8 * dv, v - dv + 0.8 * du]));
-    context.lineTo(...at([u - du + 0.8 * dv, v - dv - 0.8 * du]));
-    context.closePath();
-    fill(context, color(name), rem);
-  }
+  if (selected.box) drawBox(context, scale, rem, selected.box, "#f0a93b90");
+  drawPath(context, scale, rem, selected.ring, color("turn"), (active === "turn" ? 0.2 : 0.13) * rem);
+  drawArrows(context, scale, rem, selected.arrows, active);
   const half = (active === "size" ? 0.5 : 0.4) * rem;
-  const [x, y] = at(selected.size);
+  const [x, y] = selected.size.map((along) => along * scale);
   context.beginPath();
   context.rect(x - half, y - half, 2 * half, 2 * half);
   fill(context, color("size"), rem);

@@ -62,6 +62,7 @@ export function inferredLight(page, act) {
   /** @param {boolean} isOn */
   const picking = (isOn) => {
     page.picking = isOn ? picked : null;
+    hint.textContent = "Click something white in the photo. Esc cancels.";
     pick.setAttribute("aria-pressed", String(isOn));
     hint.hidden = !isOn;
   };
@@ -75,10 +76,9 @@ export function inferredLight(page, act) {
     if (pixel) act({ do: "white", pixel });
   };
   pick.onclick = () => {
-    if (page.picking) {
-      picked(null);
-      return;
-    }
+    const isOff = page.picking === picked;
+    page.picking?.(null);
+    if (isOff) return;
     byId("view-photo").click();
     byId("stage").focus();
     picking(true);
@@ -102,7 +102,7 @@ export function inferredLight(page, act) {
       at.textContent = white ? `at ${white.map((position) => short(Math.floor(position))).join(", ")}` : "";
       note.hidden = effect === "expected";
       note.textContent = NOTES[effect];
-      if (!isTuned && page.picking) picked(null);
+      if (!isTuned && page.picking === picked) picked(null);
     },
   };
 }

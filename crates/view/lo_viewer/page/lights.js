@@ -1,6 +1,7 @@
 // The panel of lights: the choice of light, the room's lights with their edits, and added lights.
 
-import { byId, element, fill, hexFromLinear, linearFromHex, short } from "./dom.js";
+import { direction, times } from "./camera.js";
+import { around, byId, element, fill, hexFromLinear, linearFromHex, short } from "./dom.js";
 import { inferredLight } from "./inferred.js";
 import { numberSlider } from "./slider.js";
 
@@ -60,14 +61,14 @@ export function lightsPanel(page) {
 }
 
 /**
- * Returns the position of a new lamp: 1.5 m ahead of the camera and 0.6 m above it.
+ * Returns the position of a new lamp: in the upper part of the photo, 1.5 m away.
  *
- * @param {Page} page
+ * @param {Pick<Page, "openScene">} page
  * @returns {Vector}
  */
-function overhead(page) {
-  const [x, y, z] = page.openScene().up;
-  return [0.6 * x, 0.6 * y, 0.6 * z - 1.5];
+export function overhead(page) {
+  const { camera } = page.openScene();
+  return times(direction(camera, [0.5 * camera.width, 0.2 * camera.height]), 1.5);
 }
 
 /**
@@ -83,7 +84,8 @@ function lightRow(page, act, first) {
   const isAdded = origin === "added";
   const on = element("input", { type: "checkbox", "aria-label": `Light ${id} on` });
   const name = element("span", { className: "name", textContent: `${id}  ${KINDS[kind]}, ${ORIGINS[origin]}` });
-  const head = element("div", { className: "row" }, on, name);
+  const head = element("div", { className: "row head", title: "Select it, to drag it in the photo or in the room" }, on, name);
+  head.addEventListener("click", (event) => { if (!around(event, "input, button")) page.selectLight(id); });
   const fields = element("div", { className: "fields" });
   const root = element("div", { className: "light" }, head, fields);
 
@@ -128,8 +130,13 @@ function lightRow(page, act, first) {
     const sun = () => sunOf(light);
     /** @type {(part: Partial<Sun>) => Command} */
     const now = (part) => ({ do: "replace-light", light: id, new: { sun: { ...sun(), ...part } } });
-    shows.push(slider("Azimuth, °", -180, 180, 1, () => sun().azimuth_deg, (value) => now({ azimuth_deg: value })));
-    shows.push(slider("Elevation, °", -10, 90, 1, () => sun().elevation_deg, (value) => now({ elevation_deg: value })));
+    /** @type {(part: { azimuth_deg?: number, elevation_deg?: number }) => Command} */
+    const turn = (part) => {
+      const { azimuth_deg, elevation_deg } = sun();
+      return { do: "turn-sun", light: id, azimuth_deg, elevation_deg, ...part };
+    };
+    shows.push(slider("Azimuth, °", -180, 180, 1, () => sun().azimuth_deg, (value) => turn({ azimuth_deg: value })));
+    shows.push(slider("Elevation, °", -10, 90, 1, () => sun().elevation_deg, (value) => turn({ elevation_deg: value })));
     shows.push(slider("Diameter, °", 0.2, 20, 0.1, () => sun().angle_deg, (value) => now({ angle_deg: value })));
   } else {
     const axes = ["x", "y", "z"].map((axis) => element("input", { type: "number", step: 0.05, "aria-label": `${axis} of light ${id}, metres` }));
@@ -154,6 +161,9 @@ function lightRow(page, act, first) {
       on.checked = now.changed.on ?? true;
       light.changed = { on: true, scale: 1, ...now.changed };
       root.classList.toggle("off", !on.checked);
+      const isSelected = page.selectedLight === id;
+      if (isSelected && !root.classList.contains("selected")) root.scrollIntoView({ block: "nearest" });
+      root.classList.toggle("selected", isSelected);
       undo.disabled = !isAdded && JSON.stringify(light.changed) === '{"on":true,"scale":1}';
       shows.forEach((show) => show());
     },

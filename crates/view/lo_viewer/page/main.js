@@ -2,9 +2,11 @@
 
 import { around, byId, contextOf, copyText, element, showMessage } from "./dom.js";
 import { listen } from "./gestures.js";
-import { drawDropLine, drawHandles, drawWhite, gizmoOf } from "./handles.js";
+import { drawBox, drawDropLine, drawHandles, drawWhite, gizmoOf } from "./handles.js";
 import { ImageView, LUMINANCE_LEGEND } from "./image_view.js";
+import { drawLights, lightsOnPhoto } from "./light_marks.js";
 import { lightsPanel } from "./lights.js";
+import { measurePanel } from "./measure.js";
 import { objectsPanel, sizeNote } from "./objects.js";
 import { levelAxes } from "./orbit.js";
 import { OVERLAYS, outsideView } from "./outside.js";
@@ -12,6 +14,7 @@ import { rememberPanels } from "./panels.js";
 import { photoStage } from "./photo_stage.js";
 import { probePanel } from "./probe.js";
 import { saving } from "./saving.js";
+import { existing, selecting } from "./selection.js";
 import { connect } from "./server.js";
 import { startPage } from "./start.js";
 import { figures, page } from "./store.js";
@@ -69,14 +72,18 @@ page.send = (message) => {
   if (!isSent && message.type !== "probe" && message.type !== "outside") showMessage("not connected to the program", true);
 };
 
-page.select = (id) => {
-  if (page.selectedId === id) return;
-  page.selectedId = id;
+selecting(page, () => {
   if (page.view) {
     showObjects();
+    showLights();
     timeline.show();
   }
   page.redraw();
+});
+page.photoLights = () => lightsOnPhoto(page);
+page.hint = (text) => {
+  byId("stage-hint").hidden = !text;
+  byId("stage-hint").textContent = text;
 };
 
 const photo = photoStage(page, stage, imageView);
@@ -117,8 +124,14 @@ page.redraw = () => {
       const { camera, up, extent } = page.scene;
       drawDropLine(context, scale, rem() * ratio, camera, selected.position_m, up, extent.floor_m);
     }
+    for (const other of page.group()) {
+      const box = other.id === selected?.id ? null : gizmo(other)?.box;
+      if (box) drawBox(context, scale, rem() * ratio, box, "#f0a93b");
+    }
     drawHandles(context, scale, rem() * ratio, page.gizmo(), gizmo(hovered), active);
+    drawLights(context, scale, rem() * ratio, page.photoLights(), page.selectedLight, gesture?.object === null ? active : null);
     const { white, light, effect } = page.view?.inferred_light ?? {};
+    measure.draw(context, scale, rem() * ratio);
     if (white && light !== "even" && effect === "expected") drawWhite(context, scale, rem() * ratio, white);
     outside.draw();
   });
@@ -145,6 +158,7 @@ rememberPanels();
 const probe = probePanel(page);
 const showObjects = objectsPanel(page);
 const showLights = lightsPanel(page);
+const measure = measurePanel(page);
 const timeline = timelinePanel(page);
 listen(stage, page);
 const outside = outsideView(page, imageView, () => probe.shown_m);
@@ -209,6 +223,9 @@ function receive(message, images) {
     case "no-probe":
       probe.take(message, images);
       break;
+    case "measured":
+      measure.take(message);
+      break;
     case "overlay":
       takeOverlay(message, images[0]);
       break;
@@ -233,36 +250,44 @@ function setScreen(at) {
 /** @param {SceneInfo} scene */
 function openScene(scene) {
   const isNew = page.scene?.scene !== scene.scene;
+  const isScaled = page.scene?.extent.radius_m !== scene.extent.radius_m;
   page.scene = scene;
   setScreen("scene");
   if (isNew) {
     start.show(false);
     // Until its state arrives.
     page.view = null;
-    page.selectedId = null;
+    page.select(null);
     page.picking?.(null);
+    measure.reset();
     imageView.reset();
     photo.reset();
     probe.shown_m = null;
     outside.reset();
     setOverlay("");
     scene.notes.forEach((note) => showMessage(note));
-  }
+  } else if (isScaled) outside.reset();
   photo.resize();
 }
 
 /** @param {Extract<ToPage, { type: "state" }>} message */
 function showState({ change, view }) {
   if (!page.scene) return;
-  const known = new Set(page.view?.objects.map((object) => object.id) ?? view.objects.map((object) => object.id));
-  // An added object is selected, to be moved next.
-  const added = view.objects.find((object) => !known.has(object.id));
-  const note = added && !added.path && view.can_undo ? sizeNote(added) : "";
+  const known = page.view ?? view;
+  // What was added is selected, to be moved next.
+  const added = view.objects.filter(({ id }) => !known.objects.some((object) => object.id === id));
+  const light = view.lights.find(({ id, origin }) => origin === "added" && !known.lights.some((other) => other.id === id));
+  const note = added.length === 1 && !added[0].path && view.can_undo ? sizeNote(added[0]) : "";
   if (note) showMessage(note);
   page.view = view;
   page.change = change;
-  if (added) page.selectedId = added.id;
-  if (!page.selected()) page.selectedId = null;
+  Object.assign(page, existing(page, view.objects));
+  if (!view.lights.some(({ id }) => id === page.selectedLight)) page.selectedLight = null;
+  added.forEach(({ id }, i) => page.select(id, i > 0));
+  // A sun is aimed by an object's shadow.
+  const shaded = page.selected() ?? view.objects.filter(({ is_hidden }) => !is_hidden).at(-1);
+  if (light?.kind === "sun" && shaded) page.select(shaded.id);
+  else if (light) page.selectLight(light.id);
   page.redraw();
   outside.again();
   // During a movement, drafts are more important than the panels.
@@ -284,6 +309,7 @@ function showPanels() {
   byId("copy").hidden = !view.command;
   showObjects();
   showLights();
+  measure.show();
   timeline.show();
 }
 

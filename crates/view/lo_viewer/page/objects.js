@@ -5,6 +5,7 @@ import { around, byId, element, fill, hexFromLinear, linearFromHex, short } from
 import { aboveFloor } from "./gestures.js";
 import { heightAboveFloor } from "./handles.js";
 import { levelAxes } from "./orbit.js";
+import { together } from "./selection.js";
 
 /** @import { Align, Command, ObjectMaterial, ObjectView } from "./protocol.d.ts" */
 /** @import { NewObject, Page } from "./store.js" */
@@ -51,7 +52,7 @@ export function objectsPanel(page) {
   list.addEventListener("keydown", (event) => {
     const item = around(event, "li");
     if (!item || around(event, "button")) return;
-    if (event.key === "Enter" || event.key === " ") page.select(Number(item.dataset.id));
+    if (event.key === "Enter" || event.key === " ") page.select(Number(item.dataset.id), event.shiftKey);
     else if (event.key === "ArrowDown" || event.key === "ArrowUp") {
       const next = event.key === "ArrowDown" ? item.nextElementSibling : item.previousElementSibling;
       if (next instanceof HTMLElement) {
@@ -89,9 +90,9 @@ export function objectsPanel(page) {
         role: "option",
         tabIndex: 0,
         className: is_hidden ? "hidden" : "",
-        "aria-selected": String(id === page.selectedId),
+        "aria-selected": String(page.isSelected(id)),
         "data-id": String(id),
-        onclick: () => page.select(id),
+        onclick: (/** @type {MouseEvent} */ event) => page.select(id, event.shiftKey || event.ctrlKey || event.metaKey),
       },
       element("span", { className: "name", textContent: name }),
       toggle(is_hidden ? "Hidden" : "Hide", `Hide ${name}`, is_hidden, { do: "show", object: id, is_shown: is_hidden }),
@@ -165,10 +166,15 @@ function propertiesOf(page, act) {
     const object = page.selected();
     if (object) action(object);
   };
+  /** @type {(command: (object: number) => Command) => () => void} */
+  const withGroup = (command) => () => {
+    const all = together(page.group().map(({ id }) => command(id)));
+    if (all) act(all);
+  };
   form.append(element("div", { className: "buttons" },
-    button("Put down", "Let it fall onto the surface below (G)", withSelected(({ id }) => act({ do: "put-down", object: id }))),
-    button("Duplicate", "Ctrl+D", withSelected(({ id }) => act({ do: "duplicate", object: id }))),
-    button("Delete", "Delete", withSelected(({ id }) => act({ do: "delete", object: id })))));
+    button("Put down", "Let it fall onto the surface below (G)", withGroup((object) => ({ do: "put-down", object }))),
+    button("Duplicate", "Ctrl+D", withGroup((object) => ({ do: "duplicate", object }))),
+    button("Delete", "Delete", withGroup((object) => ({ do: "delete", object })))));
 
   /** @type {(control: HTMLElement, kind: "change" | "input", action: (object: ObjectView) => Command | null) => void} */
   const on = (control, kind, action) => control.addEventListener(kind, () => {
@@ -223,6 +229,9 @@ function propertiesOf(page, act) {
   return (/** @type {ObjectView | null} */ object) => {
     form.hidden = !object;
     byId("properties-empty").hidden = object !== null;
+    const count = page.group().length;
+    byId("properties-group").hidden = !object || count < 2;
+    byId("properties-group").textContent = `${count} objects are selected. Handles, keys and buttons change all of them; the fields change “${object?.name}”.`;
     if (!object) return;
     if (preset.options.length === 1) {
       preset.append(...page.materials.map(({ name: known }) => element("option", { value: known, textContent: known })));

@@ -6,6 +6,7 @@ import { falseColour } from "./image_view.js";
 import { FOV_DEG, cameraOf, eyeOf, inFrame, inWords, levelAxes, orbitAround, pan, rotate, zoom } from "./orbit.js";
 import { outsideImages } from "./outside_images.js";
 import { listenOutside } from "./outside_input.js";
+import { roomLightAt, roomLightDrag } from "./outside_lights.js";
 import { drawLines } from "./outside_lines.js";
 
 /** @import { Vector } from "./camera.js" */
@@ -89,6 +90,7 @@ export function outsideView(page, photo, probePosition) {
     stage.setAttribute("aria-label", isOn ? STAGE_LABEL : photoLabel);
     byId("view-photo").setAttribute("aria-pressed", String(!isOn));
     byId("view-room").setAttribute("aria-pressed", String(isOn));
+    page.hint("");
     images.again();
     page.redraw();
   }
@@ -146,18 +148,67 @@ export function outsideView(page, photo, probePosition) {
       currentOrbit().target_m = middleOf(object);
       images.again();
     },
-    click: (event) => page.select(objectAt(event)?.id ?? null),
+    click: (event) => page.select(objectAt(event)?.id ?? null, event.shiftKey),
+    grab,
+  });
+
+  /**
+   * Returns camera, position and reach of a pointer event in the shown view; null without an image.
+   *
+   * @param {MouseEvent} event
+   */
+  function pointed(event) {
+    const { shown } = images;
+    if (!shown) return null;
+    const box = canvas.getBoundingClientRect();
+    const { width, height } = shown.view;
+    /** @type {[number, number]} */
+    const at = [((event.clientX - box.left) / box.width) * width, ((event.clientY - box.top) / box.height) * height];
+    const reach = (parseFloat(getComputedStyle(document.documentElement).fontSize) * width) / box.width;
+    return { camera: cameraOf(shown.view, page.openScene().up), at, reach };
+  }
+
+  /**
+   * Starts to drag the light at the pointer.
+   *
+   * @param {PointerEvent} event
+   */
+  function grab(event) {
+    const start = pointed(event);
+    const { extent, up } = page.openScene();
+    const light = start && roomLightAt(start.camera, page.view?.lights ?? [], extent, start.at, 0.8 * start.reach);
+    if (!light) return null;
+    page.selectLight(light.id);
+    const command = roomLightDrag(start.camera, up, extent, light, start.at);
+    let isMoved = false;
+    return {
+      /** @param {PointerEvent} moved */
+      move(moved) {
+        const now = pointed(moved);
+        const made = now && command(now.at, moved.shiftKey);
+        if (!made) return;
+        isMoved = true;
+        page.preview(made);
+      },
+      /** @param {boolean} isKept */
+      end(isKept) {
+        if (isMoved) page.send({ type: isKept ? "commit" : "cancel" });
+      },
+    };
+  }
+
+  canvas.addEventListener("pointermove", (event) => {
+    const hovered = event.buttons || !page.scene ? null : pointed(event);
+    const light = hovered && roomLightAt(hovered.camera, page.view?.lights ?? [], page.openScene().extent, hovered.at, 0.8 * hovered.reach);
+    const how = light?.kind === "sun" ? "drag to turn it around the room" : "drag to move it at its height, with Shift up and down";
+    if (!event.buttons) page.hint(light ? `${light.id}: ${how}.` : "");
   });
 
   /** @param {MouseEvent} event */
   function objectAt(event) {
-    const { shown } = images;
-    if (!shown) return null;
-    const box = canvas.getBoundingClientRect();
-    const camera = cameraOf(shown.view, page.openScene().up);
-    const { width, height } = shown.view;
-    /** @type {[number, number]} */
-    const at = [((event.clientX - box.left) / box.width) * width, ((event.clientY - box.top) / box.height) * height];
+    const where = pointed(event);
+    if (!where) return null;
+    const { camera, at } = where;
     /** @param {ObjectView} object */
     const distance = (object) => -inFrame(camera, middleOf(object))[2];
     const hit = (page.view?.objects ?? []).filter((object) => {

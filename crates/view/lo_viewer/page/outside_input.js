@@ -11,11 +11,14 @@ import { clamped } from "./orbit.js";
  * @property {() => void} resetView
  * @property {() => void} centre
  * @property {(event: MouseEvent) => void} click
+ * @property {(event: PointerEvent) => OutsideGrab | null} grab Starts to drag what is at the pointer.
  */
+
+/** @typedef {{ move: (event: PointerEvent) => void, end: (isKept: boolean) => void }} OutsideGrab */
 
 /**
  * Listens to the canvas and the keyboard while `isActive()`. `actions`: `rotate(yaw, pitch)` in degrees, `pan(right,
- * up)` in shares of the height, `zoom(factor)`, `resetView()`, `centre()`, and `click(event)`.
+ * up)` in shares of the height, `zoom(factor)`, `resetView()`, `centre()`, `click(event)`, and `grab(event)`.
  *
  * @param {HTMLElement} stage
  * @param {HTMLCanvasElement} canvas
@@ -23,7 +26,9 @@ import { clamped } from "./orbit.js";
  * @param {OutsideActions} actions
  */
 export function listenOutside(stage, canvas, isActive, actions) {
-  const { rotate, pan, zoom, resetView, centre, click } = actions;
+  const { rotate, pan, zoom, resetView, centre, click, grab } = actions;
+  /** @type {OutsideGrab | null} */
+  let grabbed = null;
 
   // Events stop here: on the stage below they would move objects in the photo.
   /** @type {{ at: [number, number], isPan: boolean, moved: number } | null} */
@@ -41,9 +46,12 @@ export function listenOutside(stage, canvas, isActive, actions) {
     event.preventDefault();
     stage.focus();
     canvas.setPointerCapture(event.pointerId);
+    grabbed = event.button === 0 ? grab(event) : null;
+    if (grabbed) return;
     drag = { at: [event.clientX, event.clientY], isPan: event.button !== 0 || event.shiftKey, moved: 0 };
   });
   on("pointermove", (event) => {
+    grabbed?.move(event);
     if (!drag) return;
     const [dx, dy] = [event.clientX - drag.at[0], event.clientY - drag.at[1]];
     drag.at = [event.clientX, event.clientY];
@@ -54,8 +62,9 @@ export function listenOutside(stage, canvas, isActive, actions) {
   });
   /** @param {PointerEvent} event */
   const end = (event) => {
-    if (drag && drag.moved < 4 && event.type === "pointerup" && !drag.isPan) click(event);
-    drag = null;
+    grabbed?.end(event.type === "pointerup");
+    if (drag && drag.moved < 4 && event.type === "pointerup" && event.button === 0) click(event);
+    drag = grabbed = null;
   };
   on("pointerup", end);
   on("pointercancel", end);
@@ -82,6 +91,12 @@ export function listenOutside(stage, canvas, isActive, actions) {
     "-": [() => zoom(1.1)],
     c: [centre],
   };
+  document.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape" || !grabbed) return;
+    grabbed.end(false);
+    grabbed = null;
+    event.stopPropagation();
+  }, true);
   // Captured before the photo's keys, some of which are the same.
   document.addEventListener("keydown", (event) => {
     if (canvas.hidden || !isActive() || event.ctrlKey || event.metaKey || event.altKey) return;

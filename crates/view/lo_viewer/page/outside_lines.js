@@ -1,9 +1,10 @@
 // Overlay lines of the view from outside: camera, floor grid, objects, lights and the probe.
 
 import { add, complete, corners, cross, dot, minus, project, times, unit } from "./camera.js";
-import { hexFromLinear } from "./dom.js";
+import { colorOf, placeOf } from "./light_marks.js";
 import { EDGES } from "./handles.js";
 import { cameraOf, inFrame, levelAxes } from "./orbit.js";
+import { shownAt } from "./outside_lights.js";
 
 /** @import { Pixel, Vector } from "./camera.js" */
 /** @import { LevelAxes, Viewpoint } from "./orbit.js" */
@@ -33,8 +34,8 @@ export function drawLines(context, view, page, image, probe) {
   drawGrid(pen, scene.extent, level);
   drawFrustum(pen, scene, image);
   drawPlumb(pen, scene.extent, level);
-  for (const light of page.view?.lights ?? []) drawLight(pen, light, scene.extent);
-  for (const object of page.view?.objects ?? []) drawObject(pen, object, object.id === page.selectedId);
+  for (const light of page.view?.lights ?? []) drawLight(pen, light, scene.extent, light.id === page.selectedLight);
+  for (const object of page.view?.objects ?? []) drawObject(pen, object, page.isSelected(object.id));
   if (probe) drawProbe(pen, probe);
   drawAxes(pen, level);
 }
@@ -144,6 +145,18 @@ class Pen {
     context.fill();
     context.strokeStyle = "#000b";
     context.lineWidth = 0.1 * rem;
+    context.stroke();
+  }
+
+  /** @type {(point: Vector, radius: number, color: string) => void} */
+  circle(point, radius, color) {
+    const at = this.at(point);
+    if (!at) return;
+    const { context, rem } = this;
+    context.beginPath();
+    context.arc(...at, radius * rem, 0, 2 * Math.PI);
+    context.strokeStyle = color;
+    context.lineWidth = 0.14 * rem;
     context.stroke();
   }
 
@@ -319,27 +332,27 @@ function drawObject(pen, object, isSelected) {
 /**
  * Draws a light: a ring of its area with an arrow to where it shines, or the arrow of a sun; dashed if it is off.
  *
- * @type {(pen: Pen, light: LightView, extent: RoomExtent) => void}
+ * @type {(pen: Pen, light: LightView, extent: RoomExtent, isSelected: boolean) => void}
  */
-function drawLight(pen, light, extent) {
+function drawLight(pen, light, extent, isSelected) {
   const isOn = light.changed.on ?? true;
-  const { color: chosen } = light.changed;
-  const own = chosen && "rgb" in chosen ? chosen.rgb : light.radiance;
-  const color = isOn ? hexFromLinear(own.map((value) => value / Math.max(...own, 1e-6))) : "#9a9a9a";
+  const color = colorOf(light);
   const options = { dash: isOn ? [] : [0.25, 0.25] };
+  const shown = shownAt(light, extent);
+  if (!shown) return;
+  if (isSelected) pen.circle(shown, 0.75, "#f0a93b");
   if (light.kind === "sun" && light.direction) {
-    const from = add(extent.middle_m, times(light.direction, 1.1 * extent.radius_m));
-    pen.arrow(from, add(extent.middle_m, times(light.direction, 0.6 * extent.radius_m)), color, 0.16, options);
-    pen.dot(from, 0.45, color);
-    pen.label(from, light.id, color, [0.8, 0]);
+    pen.arrow(shown, add(extent.middle_m, times(light.direction, 0.6 * extent.radius_m)), color, 0.16, options);
+    pen.dot(shown, 0.45, color);
+    pen.label(shown, light.id, color, [0.8, 0]);
     return;
   }
-  const at = light.changed.at_m ?? light.position_m;
+  const at = placeOf(light);
   if (!at) return;
   const radius = light.radius_m ?? Math.sqrt(Math.max(light.area_m2 ?? 0, 0) / Math.PI);
   pen.ring(at, light.direction ?? pen.towards(at), radius, color, 0.09, options);
   if (light.direction) pen.arrow(at, add(at, times(light.direction, Math.max(0.3, 0.8 * radius))), color, 0.09, options);
-  pen.dot(at, 0.2, color);
+  pen.dot(at, 0.28, color);
   pen.label(at, light.id, color);
 }
 

@@ -172,7 +172,11 @@ object: number,
 /**
  * The new interpolation.
  */
-interpolation: Interpolation, } | { "do": "frames",
+interpolation: Interpolation, } | { "do": "known-length",
+/**
+ * The length; `None` restores the scale of the scene file.
+ */
+known?: KnownLength | null, } | { "do": "frames",
 /**
  * Number of frames; `None` follows from the keyframes and `fps`.
  */
@@ -224,7 +228,44 @@ new: NewLight, } | { "do": "remove-light",
 /**
  * Id of the light.
  */
-light: string, } | { "do": "reset-lights" };
+light: string, } | { "do": "drag-light",
+/**
+ * Id of the light.
+ */
+light: string,
+/**
+ * Photo position, pixels.
+ */
+to: [number, number], } | { "do": "aim-sun",
+/**
+ * Id of the light.
+ */
+light: string,
+/**
+ * Id of the object.
+ */
+object: number,
+/**
+ * Photo position of the shadow, pixels.
+ */
+to: [number, number], } | { "do": "turn-sun",
+/**
+ * Id of the light.
+ */
+light: string,
+/**
+ * Degrees to the right of the camera's axis, about the vertical.
+ */
+azimuth_deg: number,
+/**
+ * Degrees above the horizon.
+ */
+elevation_deg: number, } | { "do": "reset-lights" } | { "do": "together",
+/**
+ * The commands, at most as many as objects; none of them moves a keyframe, scales the room or consists of
+ * others.
+ */
+commands: Array<Command>, };
 
 /**
  * A message from the page.
@@ -261,7 +302,11 @@ lift_m: number,
 /**
  * Exposure of the images, stops.
  */
-exposure_ev: number, } | { "type": "overlay",
+exposure_ev: number, } | { "type": "measure",
+/**
+ * Photo positions of the ends, pixels.
+ */
+ends: [[number, number], [number, number]], } | { "type": "overlay",
 /**
  * The overlay.
  */
@@ -333,6 +378,19 @@ pixel?: [number, number],
  * Rotation about the up axis in degrees; not wrapped, so 0 → 720 is two turns.
  */
 yaw_deg: number, };
+
+/**
+ * The real length between two points of the photo.
+ */
+export type KnownLength = {
+/**
+ * Photo positions of the ends, pixels.
+ */
+ends: [[number, number], [number, number]],
+/**
+ * The real length, metres.
+ */
+length_m: number, };
 
 /**
  * Change of a light; by default none.
@@ -596,6 +654,10 @@ scale: number,
  */
 rests: boolean,
 /**
+ * Shadows of its top in the added suns that are on.
+ */
+shadows: Array<ShadowView>,
+/**
  * Unit of the mesh's coordinates, in the plural.
  */
 unit: string,
@@ -812,6 +874,14 @@ lights: Array<LightView>,
  */
 floor_gloss: number,
 /**
+ * Length to which the room of the scene file is scaled.
+ */
+known_length: KnownLength | null,
+/**
+ * Factor by which the room is larger than in the scene file.
+ */
+room_scale: number,
+/**
  * Whether there is a step to undo.
  */
 can_undo: boolean,
@@ -847,6 +917,19 @@ meshes: Array<string>,
  * Current time, keyframe range and frames.
  */
 timeline: TimelineView, };
+
+/**
+ * Shadow of an object's top.
+ */
+export type ShadowView = {
+/**
+ * Id of the sun.
+ */
+light: string,
+/**
+ * Photo position, pixels; may be outside of the photo.
+ */
+pixel: [number, number], };
 
 /**
  * Timeline of a session.
@@ -988,7 +1071,15 @@ at_m: [number, number, number],
 /**
  * Lengths of the images, bytes.
  */
-lengths: [number, number, number], } | { "type": "no-probe" } | { "type": "overlay",
+lengths: [number, number, number], } | { "type": "no-probe" } | { "type": "measured",
+/**
+ * Photo positions of the ends, pixels.
+ */
+ends: [[number, number], [number, number]],
+/**
+ * The length, metres; `None` if an end has no depth.
+ */
+length_m: number | null, } | { "type": "overlay",
 /**
  * The overlay.
  */

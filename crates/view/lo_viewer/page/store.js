@@ -1,9 +1,12 @@
 // State shared by the parts of the page, and the actions that they provide to one another.
 
+import { NO_LIGHTS } from "./light_marks.js";
+
 /** @import { Pixel } from "./camera.js" */
 /** @import { Role } from "./file_roles.js" */
 /** @import { Gesture } from "./gestures.js" */
 /** @import { Gizmo, Rect } from "./handles.js" */
+/** @import { PhotoLights } from "./light_marks.js" */
 /** @import { Command, FromPage, ObjectMaterial, ObjectView, Preset, SceneInfo, SessionView, ToPage } from "./protocol.d.ts" */
 
 /** @typedef {{ mesh: string, material?: ObjectMaterial }} NewObject */
@@ -17,6 +20,8 @@
  * @property {number} change Number of the last change; images refer to it.
  * @property {Preset[]} materials Material presets.
  * @property {number | null} selectedId Id of the selected object.
+ * @property {number[]} alsoSelected Ids of further selected objects.
+ * @property {string | null} selectedLight Id of the selected light; then no object is selected.
  * @property {ObjectView | null} hovered The object under the pointer.
  * @property {((pixel: Pixel | null) => void) | null} picking Receives the next clicked pixel, or null if picking is
  *   cancelled; null unless a pixel is being picked.
@@ -34,7 +39,12 @@
  * @property {(message: FromPage) => void} send Sends a message to the program.
  * @property {(command: Command) => void} preview Previews a command, at most once per display frame.
  * @property {(time_s: number) => void} seek Moves to another time.
- * @property {(id: number | null) => void} select Selects an object.
+ * @property {(id: number | null, isAdding?: boolean) => void} select Selects an object, alone or besides others.
+ * @property {(id: string | null) => void} selectLight Selects a light.
+ * @property {(id: number) => boolean} isSelected Returns whether an object is selected.
+ * @property {() => ObjectView[]} group Returns all selected objects.
+ * @property {() => PhotoLights} photoLights Returns the lights on the photo.
+ * @property {(text: string) => void} hint Shows what a drag does; "" for nothing.
  * @property {(event: MouseEvent) => Pixel} photoPosition Returns the photo position of a pointer event.
  * @property {() => number} reach Returns the radius in which a handle is hit, photo pixels.
  * @property {() => Rect} visible Returns the part of the photo on the stage.
@@ -60,6 +70,8 @@ export const page = {
   change: 0,
   materials: [],
   selectedId: null,
+  alsoSelected: [],
+  selectedLight: null,
   hovered: null,
   picking: null,
   exposure: 0,
@@ -81,6 +93,11 @@ export const page = {
   preview() {},
   seek() {},
   select() {},
+  selectLight() {},
+  isSelected: () => false,
+  group: () => [],
+  photoLights: () => NO_LIGHTS,
+  hint() {},
   photoPosition: () => [0, 0],
   reach: () => 0,
   visible: () => ({ left: 0, top: 0, right: 0, bottom: 0 }),

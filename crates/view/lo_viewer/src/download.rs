@@ -15,6 +15,7 @@ use crate::protocol::PROBE_LIFTS_M;
 use crate::query::query_number;
 use crate::sequence::{self, SequenceFormat};
 use crate::worker::{Change, Worker};
+use crate::zip_archive::ZipArchive;
 
 /// Header with the number of the change that a file has.
 const CHANGE: &str = "x-change";
@@ -60,7 +61,7 @@ fn make_file(
         "photo.jpg" => checked(outputs::photo(scene))?,
         "layers.exr" => checked(outputs::layers(&*worker.final_composite()?))?,
         "room.scene" => checked(outputs::scene(scene, &change.document))?,
-        "objects.json" => checked(outputs::layout(state))?,
+        "objects.json" => checked(outputs::layout(&change.document))?,
         "light.exr" => {
             let at = probe_at(worker, uri)?.ok_or("no probe position: point at the photo first")?;
             checked(Probe::exr(scenes, state, at, PANORAMA_HEIGHT))?
@@ -70,7 +71,7 @@ fn make_file(
                 outputs::export(scenes, state, Format::Glb, probe_at(worker, uri)?).map_err(|e| e.to_string())?;
             files.into_iter().next().map(|(_, bytes)| bytes).unwrap_or_default()
         }
-        "room_usd.tar" => {
+        "room_usd.zip" => {
             let files =
                 outputs::export(scenes, state, Format::Usda, probe_at(worker, uri)?).map_err(|e| e.to_string())?;
             archive(&files).map_err(|error| error.to_string())?
@@ -83,7 +84,7 @@ fn make_file(
         Some("json") => "application/json",
         Some("glb") => "model/gltf-binary",
         Some("exr") => "image/x-exr",
-        Some("tar") => "application/x-tar",
+        Some("zip") => "application/zip",
         _ => "application/octet-stream",
     };
     Ok(Some((media_type, bytes)))
@@ -100,11 +101,11 @@ fn probe_at(worker: &Arc<Worker>, uri: &Uri) -> Result<Option<Vec3>, String> {
     position.map(Some).ok_or_else(|| "the photo has no depth at the probe; choose another position".to_owned())
 }
 
-/// Packs files into a tar archive.
+/// Packs files into a ZIP archive.
 fn archive(files: &[(String, Vec<u8>)]) -> std::io::Result<Vec<u8>> {
-    let mut archive = tar::Builder::new(Vec::new());
+    let mut archive = ZipArchive::new(Vec::new());
     for (name, bytes) in files {
-        sequence::append(&mut archive, name, bytes)?;
+        archive.add(name, bytes)?;
     }
-    archive.into_inner()
+    archive.finish()
 }

@@ -37,6 +37,7 @@ mod upload;
 mod uploads;
 mod warning_text;
 mod worker;
+mod zip_archive;
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;

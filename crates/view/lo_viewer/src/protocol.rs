@@ -74,6 +74,11 @@ pub enum FromPage {
         /// Exposure of the images, stops.
         exposure_ev: f32,
     },
+    /// Requests the length between two photo positions.
+    Measure {
+        /// Photo positions of the ends, pixels.
+        ends: [[f64; 2]; 2],
+    },
     /// Requests an overlay.
     Overlay {
         /// The overlay.
@@ -191,6 +196,13 @@ pub enum ToPage {
     },
     /// There is no surface at the requested position.
     NoProbe,
+    /// The length between two photo positions.
+    Measured {
+        /// Photo positions of the ends, pixels.
+        ends: [[f64; 2]; 2],
+        /// The length, metres; `None` if an end has no depth.
+        length_m: Option<f32>,
+    },
     /// An overlay, PNG.
     Overlay {
         /// The overlay.
@@ -298,6 +310,7 @@ impl ToPage {
             Self::Overlay { .. } => OVERLAY_SLOT,
             Self::Outside { .. } => 11,
             Self::SequenceProgress { .. } => 12,
+            Self::Measured { .. } => 13,
             Self::Refused { .. } => return None,
         })
     }
@@ -326,7 +339,7 @@ pub(crate) fn encoded(message: &ToPage, images: &[&[u8]]) -> Encoded {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use lightoctree::LightMode;
+    use lightoctree::{KnownLength, LightMode};
 
     use super::*;
 
@@ -346,7 +359,21 @@ mod tests {
         assert_eq!(command(r#"{"do":"warmth","ev":-0.5}"#), Command::Warmth { ev: -0.5 });
         assert_eq!(command(r#"{"do":"white","pixel":[4.5,6]}"#), Command::White { pixel: Some([4.5, 6.0]) });
         assert_eq!(command(r#"{"do":"white","pixel":null}"#), Command::White { pixel: None });
+        let aim = Command::AimSun { light: "A1".into(), object: 2, to: [4.5, 6.0] };
+        assert_eq!(command(r#"{"do":"aim-sun","light":"A1","object":2,"to":[4.5,6]}"#), aim);
+        let drag = Command::DragLight { light: "L1".into(), to: [4.5, 6.0] };
+        let both = r#"{"do":"together","commands":[{"do":"aim-sun","light":"A1","object":2,"to":[4.5,6]},{"do":"drag-light","light":"L1","to":[4.5,6]}]}"#;
+        assert_eq!(command(both), Command::Together { commands: vec![aim, drag] });
+        assert_eq!(command(r#"{"do":"known-length","known":null}"#), Command::KnownLength { known: None });
+        let ends = [[1.0, 2.0], [3.0, 4.5]];
+        let known = Some(KnownLength { ends, length_m: 2.01 });
+        let text = r#"{"do":"known-length","known":{"ends":[[1,2],[3,4.5]],"length_m":2.01}}"#;
+        assert_eq!(command(text), Command::KnownLength { known });
+        assert_eq!(read(r#"{"type":"measure","ends":[[1,2],[3,4.5]]}"#).unwrap(), FromPage::Measure { ends });
         for wrong in [
+            r#"{"type":"measure","ends":[[1,2]]}"#,
+            r#"{"type":"command","command":{"do":"together","commands":[{"do":"shutdown"}]}}"#,
+            r#"{"type":"command","command":{"do":"turn-sun","light":"A1","azimuth_deg":4}}"#,
             r#"{"type":"shutdown"}"#,
             r#"{"type":"command","command":{"do":"drag","object":-1,"to":[4.5,6]}}"#,
             r#"{"type":"outside","sequence":1,"view":{"eye_m":[0,0,1],"target_m":[0,0,-1],"fov_deg":40,"width":-8,"height":8,"exposure_ev":0,"show":null,"still":true}}"#,

@@ -21,6 +21,7 @@ use tokio::sync::watch;
 use crate::failure::{Failure, guarded};
 use crate::protocol::ToPage;
 use crate::worker::Worker;
+use crate::zip_archive::ZipArchive;
 
 /// Minimum size of a chunk, bytes.
 const CHUNK: usize = 1 << 16;
@@ -31,8 +32,10 @@ const MAX_PENDING_CHUNKS: usize = 4;
 /// File format of a sequence download.
 #[derive(Clone, Copy)]
 pub(crate) enum SequenceFormat {
-    /// PNG files in a tar archive.
+    /// PNG files in a ZIP archive.
     Frames,
+    /// PNG files, and EXR files of their layers, in a ZIP archive.
+    Layers,
     /// YUV4MPEG2.
     Video,
 }
@@ -41,7 +44,8 @@ impl SequenceFormat {
     /// Returns the format of a file name.
     pub fn from_name(file: &str) -> Option<Self> {
         match file {
-            "frames.tar" => Some(Self::Frames),
+            "frames.zip" => Some(Self::Frames),
+            "layers.zip" => Some(Self::Layers),
             "video.y4m" => Some(Self::Video),
             _ => None,
         }
@@ -79,7 +83,7 @@ pub(crate) fn download(worker: &Arc<Worker>, format: SequenceFormat, file: &str)
     });
     let disposition = format!("attachment; filename=\"{file}\"");
     let media_type = match format {
-        SequenceFormat::Frames => "application/x-tar",
+        SequenceFormat::Frames | SequenceFormat::Layers => "application/zip",
         SequenceFormat::Video => "video/x-yuv4mpeg",
     };
     (
@@ -102,12 +106,14 @@ fn write_sequence(
         failure => failure.to_string(),
     };
     let sequence = guarded(|| Sequence::new(&worker.scenes, state, Quality::Normal)).map_err(message)?;
+    let with_layers = matches!(format, SequenceFormat::Layers);
+    let sequence = if with_layers { sequence.with_layers() } else { sequence };
     let (frames, begun) = (sequence.frames(), Instant::now());
     worker.pages.send(&ToPage::SequenceProgress { done: 0, frames, left_s: None, ended: None }, &[]);
     let target = BufWriter::with_capacity(CHUNK, ChunkWriter(chunks));
     let io_message = |error: io::Error| error.to_string();
     let mut writer = match format {
-        SequenceFormat::Frames => SequenceWriter::Frames(tar::Builder::new(target)),
+        SequenceFormat::Frames | SequenceFormat::Layers => SequenceWriter::Frames(Box::new(ZipArchive::new(target))),
         SequenceFormat::Video => {
             SequenceWriter::Video(Y4mWriter::new(target, sequence.size(), state.fps).map_err(io_message)?)
         }
@@ -121,7 +127,11 @@ fn write_sequence(
         match &mut writer {
             SequenceWriter::Frames(archive) => {
                 let png = outputs::image(&composite).map_err(|error| error.to_string())?;
-                append(archive, &format!("frame_{frame:04}.png"), &png).map_err(io_message)?;
+                archive.add(&format!("frame_{frame:04}.png"), &png).map_err(io_message)?;
+                if with_layers {
+                    let exr = outputs::layers(&composite).map_err(|error| error.to_string())?;
+                    archive.add(&format!("layers_{frame:04}.exr"), &exr).map_err(io_message)?;
+                }
             }
             SequenceWriter::Video(video) => video.add(&composite.image).map_err(io_message)?,
         }
@@ -130,16 +140,14 @@ fn write_sequence(
         worker.pages.send(&ToPage::SequenceProgress { done: *done, frames, left_s: Some(left_s), ended: None }, &[]);
     }
     match writer {
-        SequenceWriter::Frames(archive) => {
-            archive.into_inner().and_then(|mut target| target.flush()).map_err(io_message)
-        }
+        SequenceWriter::Frames(archive) => archive.finish().and_then(|mut target| target.flush()).map_err(io_message),
         // The buffer is flushed on drop; that fails only if the page is gone.
         SequenceWriter::Video(_) => Ok(()),
     }
 }
 
 enum SequenceWriter<'a> {
-    Frames(tar::Builder<BufWriter<ChunkWriter<'a>>>),
+    Frames(Box<ZipArchive<BufWriter<ChunkWriter<'a>>>>),
     Video(Y4mWriter<BufWriter<ChunkWriter<'a>>>),
 }
 
@@ -193,12 +201,4 @@ impl Stream for ChunkStream {
             }
         })
     }
-}
-
-/// Appends a file to a tar archive.
-pub(crate) fn append(archive: &mut tar::Builder<impl Write>, name: &str, bytes: &[u8]) -> io::Result<()> {
-    let mut head = tar::Header::new_gnu();
-    head.set_size(bytes.len() as u64);
-    head.set_mode(0o644);
-    archive.append_data(&mut head, name, bytes)
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use lightoctree::{Event, OnEvent};
+use lightoctree::{Event, KnownLength, OnEvent};
 use lo_mesh::{Material, Model};
 use lo_session::{Files, OpenScene, Session, SessionError, plain_name};
 use tokio::sync::mpsc::{Receiver, Sender, channel};
@@ -173,6 +173,25 @@ struct OpenRoom {
     worker: Arc<Worker>,
     /// Id among the recent rooms.
     id: String,
+    /// Unique number of the opened scene, and warnings of opening it.
+    number: u64,
+    notes: Vec<String>,
+}
+
+impl OpenRoom {
+    /// Describes the scene for pages.
+    fn info(&self) -> SceneInfo {
+        let scene = self.session.scene();
+        SceneInfo {
+            scene: self.number,
+            camera: scene.estimate().frame.camera,
+            up: scene.up().to_array(),
+            extent: scene.extent(),
+            predicted_depth: scene.estimate().origin.predicted_depth,
+            has_panorama: scene.estimate().panorama.is_some(),
+            notes: self.notes.clone(),
+        }
+    }
 }
 
 /// A scene that is being opened, while the open one stays.
@@ -281,6 +300,12 @@ impl SessionActor {
                 }
                 return;
             }
+            FromPage::Measure { ends } => {
+                // The real length does not matter here.
+                let measured = KnownLength { ends, length_m: 1.0 }.estimated_m(session.scene().estimate());
+                send(outbox, &ToPage::Measured { ends, length_m: measured.ok() }, &[]);
+                return;
+            }
             FromPage::Overlay { what } => {
                 worker.overlays.request(outbox, what);
                 return;
@@ -304,12 +329,32 @@ impl SessionActor {
 
     /// Sends the changed session to all pages and requests its image.
     fn changed(&mut self) {
-        let Some(OpenRoom { session, worker, .. }) = &self.open else { return };
         self.change += 1;
+        self.follow_scale();
+        let Some(OpenRoom { session, worker, .. }) = &self.open else { return };
         // Before the pages know of the change: a download that follows must include it.
         worker.set_change(change_of(session, self.change, self.sequence));
         self.send_state();
         self.autosave();
+    }
+
+    /// Starts a worker for the scaled scene, if the scale of the room changed.
+    fn follow_scale(&mut self) {
+        let Some(room) = &mut self.open else { return };
+        let scene = room.session.scene();
+        if Arc::ptr_eq(scene, room.worker.scenes.scene()) {
+            return;
+        }
+        // The first draft is that of the change that follows.
+        let before = change_of(&room.session, self.change - 1, self.sequence);
+        match Worker::start(scene.clone(), before, self.handle.pages.clone(), self.warning_text) {
+            Ok(worker) => {
+                room.worker = worker.clone();
+                self.handle.set_current(Some(worker));
+                self.handle.pages.send(&ToPage::Scene(room.info()), &[]);
+            }
+            Err(error) => self.handle.pages.send(&ToPage::Refused { why: error.to_string() }, &[]),
+        }
     }
 
     /// Sends the session to all pages.
@@ -321,7 +366,7 @@ impl SessionActor {
 
     /// Requests to save the room automatically, unless a gesture is in progress.
     fn autosave(&self) {
-        let (Some(OpenRoom { session, worker, id }), Some(autosave)) = (&self.open, &self.handle.autosave) else {
+        let (Some(OpenRoom { session, worker, id, .. }), Some(autosave)) = (&self.open, &self.handle.autosave) else {
             return;
         };
         if session.is_previewing() {
@@ -406,15 +451,6 @@ impl SessionActor {
         let opened = opened.and_then(|opened| {
             let Opened { scene, notes } = *opened;
             let scene: Arc<OpenScene> = Arc::new(scene);
-            let info = SceneInfo {
-                scene: self.attempt,
-                camera: scene.estimate().frame.camera,
-                up: scene.up().to_array(),
-                extent: scene.extent(),
-                predicted_depth: scene.estimate().origin.predicted_depth,
-                has_panorama: scene.estimate().panorama.is_some(),
-                notes,
-            };
             let mut session = Session::new(scene.clone()).map_err(|error| format!("{}: {error}", scene.file))?;
             if room.as_ref().is_some_and(|room| room.unsaved) {
                 session.mark_unsaved();
@@ -423,10 +459,11 @@ impl SessionActor {
             let change = change_of(&session, self.change, 0);
             let worker = Worker::start(scene, change, self.handle.pages.clone(), self.warning_text)
                 .map_err(|e| e.to_string())?;
-            Ok((OpenRoom { session: Box::new(session), worker, id }, info))
+            Ok(OpenRoom { session: Box::new(session), worker, id, number: self.attempt, notes })
         });
         match opened {
-            Ok((room, info)) => {
+            Ok(room) => {
+                let info = room.info();
                 self.handle.uploads.set_meshes(room.session.mesh_bytes());
                 self.handle.set_current(Some(room.worker.clone()));
                 self.open = Some(room);

@@ -231,6 +231,8 @@ impl ObjectArgs {
             align: single_value("--align", &self.align, mesh, range)?,
             animation: single_value("--animation", &self.animation, mesh, range)?,
             material: material.map_err(|error| Usage(format!("--material: {error}")))?,
+            hidden: false,
+            locked: false,
         })
     }
 

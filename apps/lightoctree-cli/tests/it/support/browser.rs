@@ -173,6 +173,25 @@ impl Browser {
         self.call("Input.dispatchMouseEvent", params);
     }
 
+    /// Drags with the left button from one position to another; `modifiers`: 8 for Shift.
+    pub fn drag(&mut self, from: [f64; 2], to: [f64; 2], modifiers: u32) {
+        const STEPS: u32 = 6;
+        let at = |step: u32| [0, 1].map(|i| from[i] + f64::from(step) / f64::from(STEPS) * (to[i] - from[i]));
+        let moves = (0..=STEPS).map(|step| ("mouseMoved", at(step), i32::from(step > 0)));
+        let mut events: Vec<(&str, [f64; 2], i32)> = moves.collect();
+        events.insert(1, ("mousePressed", from, 1));
+        events.push(("mouseReleased", to, 0));
+        for (kind, [x, y], buttons) in events {
+            let button = if kind == "mouseMoved" && buttons == 0 { "none" } else { "left" };
+            self.call(
+                "Input.dispatchMouseEvent",
+                json!({
+                    "type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1, "modifiers": modifiers,
+                }),
+            );
+        }
+    }
+
     /// Presses and releases a key; `modifiers`: 2 for Ctrl, 8 for Shift.
     pub fn key(&mut self, key: &str, modifiers: u32) {
         for kind in ["rawKeyDown", "keyUp"] {

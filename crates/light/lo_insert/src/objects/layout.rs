@@ -70,6 +70,12 @@ pub struct LayoutObject {
     /// Material of the whole object: a name, or an object of [`MaterialSpec`]'s fields.
     #[serde(deserialize_with = "material", skip_serializing_if = "Option::is_none")]
     pub material: Option<MaterialSpec>,
+    /// Whether images leave it out, with what it carries.
+    #[serde(skip_serializing_if = "is_no")]
+    pub hidden: bool,
+    /// Whether editors protect it from being moved by accident.
+    #[serde(skip_serializing_if = "is_no")]
+    pub locked: bool,
 }
 
 /// Keyframes, or the file that contains them.
@@ -167,6 +173,39 @@ impl Layout {
             object.path = Some(PathSource::Keyframes(path));
         }
         Ok(self)
+    }
+
+    /// Returns the layout without hidden objects and what they carry; `None` if nothing is left.
+    pub fn without_hidden(self) -> Option<Self> {
+        let mut hidden: HashSet<String> = HashSet::new();
+        let mut objects = Vec::with_capacity(self.objects.len());
+        for object in self.objects {
+            if object.hidden || object.on.as_ref().is_some_and(|on| hidden.contains(on)) {
+                hidden.insert(object.name().to_owned());
+            } else {
+                objects.push(object);
+            }
+        }
+        (!objects.is_empty()).then_some(Self { objects })
+    }
+
+    /// Returns the layout in a room that is scaled about the camera: positions are scaled, sizes stay.
+    ///
+    /// # Errors
+    /// If a position is out of range then.
+    pub fn in_scaled_room(&self, factor: f64) -> Result<Self, InsertError> {
+        let scaled = |position_m: &mut Option<[f64; 3]>| {
+            // Positions are given in single precision.
+            *position_m = position_m.map(|position_m| position_m.map(|x| f64::from((x * factor) as f32)));
+        };
+        let mut objects = self.objects.clone();
+        for object in &mut objects {
+            scaled(&mut object.position_m);
+            if let Some(PathSource::Keyframes(path)) = &mut object.path {
+                path.keyframes.iter_mut().for_each(|key| scaled(&mut key.position_m));
+            }
+        }
+        Self::new(objects)
     }
 
     /// Returns the objects.
@@ -378,6 +417,10 @@ fn material<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Materia
         fields => fields.to_string(),
     };
     MaterialSpec::parse(&text).map(Some).map_err(|error| de::Error::custom(format!("material: {error}")))
+}
+
+fn is_no(value: &bool) -> bool {
+    !value
 }
 
 fn point(position_m: [f64; 3]) -> Vec3 {

@@ -534,3 +534,19 @@ fn layouts_that_make_no_sense_are_refused_by_name() {
         layout.with_paths(|file| Ok(if file.ends_with("way.json") { way.into() } else { String::new() })).unwrap();
     assert_eq!(read.placements(&linear_scene(), &[&model], 3).unwrap()[0][1].position_m.z, -1.5);
 }
+
+#[test]
+fn hidden_objects_and_what_they_carry_are_left_out() {
+    let layout = layout(
+        r#"[{"mesh": "table.glb", "position_m": [1, -1, -2], "hidden": true, "locked": true},
+            {"mesh": "vase.glb", "on": "table"}, {"mesh": "flower.glb", "on": "vase"},
+            {"mesh": "ball.glb", "position_m": [0, -1, -3]}]"#,
+    );
+    assert_eq!(Layout::from_json(&layout.to_json().unwrap()).unwrap(), layout);
+    let scaled = layout.in_scaled_room(2.0).unwrap();
+    assert_eq!(scaled.objects()[0].position_m, Some([2.0, -2.0, -4.0]));
+    let shown = layout.without_hidden().unwrap();
+    assert_eq!(shown.objects().iter().map(|object| object.name()).collect::<Vec<_>>(), ["ball"]);
+    let alone = self::layout(r#"[{"mesh": "a.glb", "position_m": [0, 0, -2], "hidden": true}]"#);
+    assert_eq!(alone.without_hidden(), None);
+}

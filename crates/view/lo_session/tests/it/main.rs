@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod inferred;
+mod lights;
 mod outside;
 mod placing;
+mod scale;
 mod session;

@@ -119,6 +119,37 @@ fn walls_are_seen_from_the_rooms_side_alone() {
 }
 
 #[test]
+fn inferred_surfaces_are_transparent_in_front_of_observed_ones() {
+    // A leaf in the middle of the room, in front of the wall that the photo shows.
+    let with_leaf = |seen: u8| {
+        let shell =
+            (0..512u32).map(|i| [i / 64, i / 8 % 8, i % 8]).filter(|xyz| xyz.iter().any(|c| [0, 7].contains(c)));
+        let mut cells: Vec<(u32, [f32; 4], u8)> = shell
+            .map(|xyz| {
+                let ([r, g, b], seen) = if xyz[2] == 0 { (AHEAD, 255) } else { (REST, 0) };
+                (key_from_xyz(xyz), [r, g, b, 0.99], seen)
+            })
+            .collect();
+        let [r, g, b] = MARK_RADIANCE;
+        cells.push((key_from_xyz([4, 4, 2]), [r, g, b, 0.99], seen));
+        scene(cells, Cube::centred(Vec3::ZERO, 4.0), 3)
+    };
+    let onto = |x: f32| OutsideView { target_m: [x, 0.25, 0.0], ..view([x, 0.25, 6.0]) };
+    let seen = picture(&with_leaf(255), &State::default(), &onto(0.25));
+    assert_eq!(seen[MIDDLE], code(MARK_RADIANCE));
+    let inferred = picture(&with_leaf(0), &State::default(), &onto(0.25));
+    let expected =
+        std::iter::zip(code(MARK_RADIANCE), code(AHEAD)).map(|(a, b)| 0.3 * f32::from(a) + 0.7 * f32::from(b));
+    for (code, expected) in std::iter::zip(inferred[MIDDLE], expected) {
+        assert!((f32::from(code) - expected).abs() <= 1.0, "{:?}", inferred[MIDDLE]);
+    }
+    assert_eq!(picture(&with_leaf(0), &State::default(), &onto(-0.8))[MIDDLE], code(AHEAD));
+    // In front of other inferred surfaces it is opaque.
+    let from_the_side = OutsideView { target_m: [0.0, 0.25, -0.7], ..view([6.0, 0.25, -0.7]) };
+    assert_eq!(picture(&with_leaf(0), &State::default(), &from_the_side)[MIDDLE], code(MARK_RADIANCE));
+}
+
+#[test]
 fn a_hole_in_a_wall_does_not_show_the_walls_from_behind() {
     // Walls of 0.25 m around 3.5 m of air, in a cube of 8 m, with a hole of 1 m in the right one.
     let cells = (0..32u32.pow(3)).map(|i| [i / 1024, i / 32 % 32, i % 32]);

@@ -173,14 +173,37 @@ fn changes_are_unsaved_until_a_file_has_them() {
     session.mark_saved("new.scene".into());
     assert!(!session.is_unsaved());
     assert!(session.view().command.unwrap().contains("insert new.scene"));
-    // Looking at another time or hiding an object changes no file.
+    // Looking at another time changes no file.
     session.seek(1.0).unwrap();
-    session.apply(&Command::Show { object: 1, is_shown: false }).unwrap();
     assert!(!session.is_unsaved());
+    for change in [Command::Show { object: 1, is_shown: false }, Command::Lock { object: 1, is_locked: true }] {
+        session.apply(&change).unwrap();
+        assert!(session.is_unsaved() && session.undo() && !session.is_unsaved());
+    }
     session.apply(&Command::FloorGloss { gloss: 0.5 }).unwrap();
     assert!(session.is_unsaved());
     session.undo();
     assert!(!session.is_unsaved());
     session.mark_unsaved();
     assert!(session.is_unsaved());
+}
+
+#[test]
+fn objects_stand_in_front_of_the_wall_behind_them() {
+    let mut session = session();
+    // The floor 15 cm in front of the wall, which is 6 m away.
+    let (u, v, _) = ROOM.estimate().frame.camera.project(Vec3::new(0.6, -FLOOR_M, -5.85)).unwrap();
+    let mesh = add_box(&mut session, "chest.glb", [0.5, 0.8, 1.0]);
+    session.apply(&Command::Add { mesh, pixel: Some([u, v]), material: None }).unwrap();
+    let dragged = Command::Drag { object: 1, to: [u - 4.0, v] };
+    for command in [None, Some(&dragged)] {
+        command.map_or(Ok(()), |command| session.apply(command)).unwrap();
+        let at = position(&session, 0);
+        // Depth at 6 m is compared to 16 cm.
+        assert!((-5.7..-5.5).contains(&at.z) && (at.y + FLOOR_M).abs() < 0.03, "{at}");
+        assert!(session.view().objects[0].rests);
+    }
+    // Away from the wall it stays where it is put.
+    session.apply(&Command::Drag { object: 1, to: [118.5, 80.5] }).unwrap();
+    assert_eq!(session.state().objects[0].position, ObjectPosition::Pixel([118.5, 80.5]));
 }

@@ -19,7 +19,7 @@ use crate::inferred::INFERRED;
 
 pub const SIZE: (usize, usize) = (144, 96);
 /// Height of the camera above the floor and the tabletop.
-const FLOOR_M: f32 = 1.2;
+pub const FLOOR_M: f32 = 1.2;
 const TABLE_M: f32 = 0.7;
 
 /// Depth of the floor, of a table 1 m wide whose edge is 1.6 m from the camera, and of a wall.
@@ -58,7 +58,7 @@ pub fn add(mesh: &str, pixel: [f64; 2]) -> Command {
 }
 
 /// Creates a session with a sphere on the floor, right of the table.
-fn with_sphere() -> Session {
+pub fn with_sphere() -> Session {
     let mut session = session();
     session.apply(&add("builtin:sphere", [125.5, 90.5])).unwrap();
     session

@@ -4,9 +4,11 @@ import { beforeEach, test } from "node:test";
 import { project } from "../camera.js";
 import { aboveFloor, listen, scaled } from "../gestures.js";
 import { gizmoOf } from "../handles.js";
+import { lightsOnPhoto } from "../light_marks.js";
 import { levelAxes } from "../orbit.js";
+import { selecting } from "../selection.js";
 import { FakeElement, installDocument } from "./support/dom.js";
-import { CAMERA, CUBE, SCENE, assertNear } from "./support/scene.js";
+import { CAMERA, CUBE, LAMP, SCENE, SUN, assertNear } from "./support/scene.js";
 
 const FIELD = "input:not([type=range]):not([type=checkbox]), select, dialog[open]";
 const PANEL = "aside, header, footer, #timeline";
@@ -26,14 +28,16 @@ beforeEach(() => {
   done = [];
   stage = new FakeElement();
   page = {
-    scene: SCENE, view: { objects: [CUBE] }, selectedId: null, hovered: null, picking: null,
+    scene: SCENE, view: { objects: [CUBE], lights: [] }, selectedId: null, alsoSelected: [], selectedLight: null, hovered: null, picking: null,
     keys: { k: () => done.push("key k") },
     openScene: () => SCENE,
     selected: () => page.view.objects.find(({ id }) => id === page.selectedId) ?? null,
-    select: (id) => { page.selectedId = id; },
     photoPosition: ({ at }) => at,
     reach: () => 8,
     gizmo: () => page.selected() && gizmoOfObject(page.selected()),
+    visible: () => WHOLE,
+    photoLights: () => lightsOnPhoto(page),
+    hint: (text) => { page.hinted = text; },
     startPan: () => done.push("pan"),
     zoom: (direction) => done.push(`zoom ${direction}`),
     hover() {},
@@ -41,11 +45,12 @@ beforeEach(() => {
     preview: (command) => done.push(command),
     send: (message) => done.push(message),
   };
+  selecting(page, () => {});
   listen(stage, page);
 });
 
-const press = (at) => stage.fire("pointerdown", { button: 0, at });
-const moveTo = (at) => stage.fire("pointermove", { at });
+const press = (at, shiftKey = false) => stage.fire("pointerdown", { button: 0, at, shiftKey });
+const moveTo = (at, shiftKey = false) => stage.fire("pointermove", { at, shiftKey });
 const key = (name, more = {}) => document.fire("keydown", { key: name, ctrlKey: false, metaKey: false, shiftKey: false, ...more });
 
 test("a drag previews positions of the base, and commits at the end", () => {
@@ -90,6 +95,95 @@ test("hidden and locked objects are not selected in the photo", () => {
     press(SIDE);
     assert.equal(page.selectedId, null);
   }
+});
+
+/** The cube, and another one 1 m to its right. */
+const TWO = [CUBE, { ...CUBE, id: 2, position_m: [1, -0.5, -2] }];
+
+test("several objects are selected with Shift, and move, turn and go together", () => {
+  page.view.objects = TWO;
+  press(SIDE);
+  stage.fire("pointerup");
+  press([SIDE[0] + 160, SIDE[1]], true);
+  assert.deepEqual([page.selectedId, page.alsoSelected], [2, [1]]);
+  assert.equal(page.gesture(), null);
+  // A drag of one moves both by the same number of pixels, in one step.
+  press(SIDE);
+  moveTo([SIDE[0] + 10, SIDE[1] - 4]);
+  stage.fire("pointerup");
+  const drag = (object, u) => ({ do: "drag", object, to: [u, BASE[1] - 4] });
+  const [command, end] = done;
+  assert.deepEqual(end, { type: "commit" });
+  assert.deepEqual([command.do, command.commands.map(({ object }) => object)], ["together", [1, 2]]);
+  command.commands.forEach((part, i) => assertNear(part.to, drag(0, BASE[0] + 10 + 160 * i).to, 1e-6));
+  done.length = 0;
+  key("]");
+  key("Delete");
+  assert.deepEqual(done.map(({ command: { do: name, commands } }) => [name, commands.map((part) => part.do)]), [["together", ["turn", "turn"]], ["together", ["delete", "delete"]]]);
+  // A click without a drag selects one alone; Shift takes one away.
+  press(SIDE);
+  stage.fire("pointerup");
+  assert.deepEqual([page.selectedId, page.alsoSelected], [1, []]);
+  press(SIDE, true);
+  assert.equal(page.selectedId, null);
+});
+
+test("a locked object of the selection stays where it is", () => {
+  page.view.objects = [CUBE, { ...TWO[1], is_locked: true }];
+  page.select(1);
+  page.select(2, true);
+  press(SIDE);
+  moveTo([SIDE[0] + 10, SIDE[1]]);
+  assert.deepEqual(done.map((command) => [command.do, command.object]), [["drag", 1]]);
+});
+
+test("a light is dragged across the view at its depth, with Shift along surfaces", () => {
+  page.view.lights = [LAMP];
+  const at = project(CAMERA, LAMP.position_m);
+  moveTo(at);
+  assert.ok(page.hinted.startsWith("A1: drag"));
+  press([at[0] + 2, at[1]]);
+  assert.deepEqual([page.selectedLight, page.selectedId, page.gesture().handle, page.gesture().object], ["A1", null, "mark", null]);
+  // 64 pixels are 0.4 m at a depth of 2 m.
+  moveTo([at[0] + 2 - 64, at[1]]);
+  moveTo([at[0] + 2, at[1] + 100], true);
+  stage.fire("pointerup");
+  assert.deepEqual(done, [
+    { do: "set-light", light: "A1", change: { at_m: [-0.4, 0.5, -2] } },
+    { do: "drag-light", light: "A1", to: [at[0], at[1] + 100] },
+    { type: "commit" },
+  ]);
+});
+
+test("arrows and keys move the selected light, and Delete removes an added one", () => {
+  page.view.lights = [LAMP];
+  page.selectLight("A1");
+  const up = page.photoLights().selected.arrows.find(({ name }) => name === "up");
+  const from = [0, 1].map((i) => (up.from[i] + up.to[i]) / 2);
+  press(from);
+  assert.equal(page.gesture().handle, "up");
+  moveTo([from[0], from[1] - 32]);
+  stage.fire("pointerup");
+  key("ArrowLeft");
+  key("Delete");
+  assertNear(done[0].change.at_m, [0, 0.7, -2], 1e-3);
+  assert.deepEqual(done.slice(2).map(({ command }) => command.change?.at_m ?? command.do), [[-0.05, 0.5, -2], "remove-light"]);
+  page.view.lights = [{ ...LAMP, origin: "guessed" }];
+  assert.equal(key("Delete").defaultPrevented, false);
+});
+
+test("the sun is aimed by the end of the selected object's shadow", () => {
+  page.view.lights = [SUN];
+  page.view.objects = [{ ...CUBE, shadows: [{ light: "A2", pixel: [200, 400] }] }];
+  press([200, 400]);
+  assert.equal(page.gesture(), null, "shadows are those of the selected object");
+  page.select(1);
+  done.length = 0;
+  press([203, 398]);
+  assert.deepEqual([page.gesture().handle, page.selectedId], ["shadow", 1]);
+  moveTo([150, 410]);
+  stage.fire("pointerup");
+  assert.deepEqual(done, [{ do: "aim-sun", light: "A2", object: 1, to: [150, 410] }, { type: "commit" }]);
 });
 
 test("the ring turns by the angle around the base, seen from above", () => {

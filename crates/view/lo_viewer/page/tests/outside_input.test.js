@@ -8,13 +8,16 @@ import { assertNear } from "./support/scene.js";
 let canvas;
 let done;
 let isActive;
+/** What a press starts to drag; null for the view. */
+let grabbed;
 
 beforeEach(() => {
+  grabbed = null;
   installDocument();
   [canvas, done, isActive] = [new FakeElement("canvas"), [], true];
   const note = (name) => (...args) => done.push([name, ...args.filter((arg) => typeof arg === "number")]);
   const actions = Object.fromEntries(["rotate", "pan", "zoom", "resetView", "centre", "click"].map((name) => [name, note(name)]));
-  listenOutside(new FakeElement(), canvas, () => isActive, actions);
+  listenOutside(new FakeElement(), canvas, () => isActive, { ...actions, grab: () => grabbed });
 });
 
 const pointer = (kind, [clientX, clientY], more = {}) => canvas.fire(kind, { clientX, clientY, button: 0, shiftKey: false, ...more });
@@ -61,4 +64,23 @@ test("keys act while the view is shown", () => {
   key("Home");
   pointer("dblclick", [0, 0]);
   assert.equal(done.length, 4);
+});
+
+test("a drag that begins on a light moves it instead of the view, and Escape cancels it", () => {
+  grabbed = { move: ({ clientX }) => done.push(["move", clientX]), end: (isKept) => done.push(["end", isKept]) };
+  pointer("pointerdown", [0, 0]);
+  pointer("pointermove", [0, 100]);
+  pointer("pointermove", [50, 50]);
+  pointer("pointerup", [50, 50]);
+  pointer("pointermove", [80, 80]);
+  assert.deepEqual(done, [["move", 0], ["move", 50], ["end", true]]);
+  done.length = 0;
+  pointer("pointerdown", [0, 0]);
+  pointer("pointermove", [10, 0]);
+  key("Escape");
+  pointer("pointerup", [10, 0]);
+  assert.deepEqual(done, [["move", 10], ["end", false]]);
+  pointer("pointerdown", [0, 0], { button: 2 });
+  pointer("pointermove", [0, 50]);
+  assert.equal(done.at(-1)[0], "pan");
 });

@@ -18,7 +18,7 @@ beforeEach(() => {
   context = new FakeCanvas(400, 300).context;
 });
 
-const pageWith = (view) => ({ openScene: () => SCENE, view, selectedId: 1 });
+const pageWith = (view) => ({ openScene: () => SCENE, view, selectedId: 1, selectedLight: null, isSelected: (id) => id === 1 });
 /** Returns the position of a label without its offset in rem (16 pixels), or undefined. */
 const label = (text, [right, down]) => {
   const call = context.of("fillText").find(([shown]) => shown === text);
