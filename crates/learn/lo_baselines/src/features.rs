@@ -176,6 +176,19 @@ impl FeatureBatch {
         }
     }
 
+    /// Returns a batch of one of the images.
+    pub fn image(&self, image: usize) -> Self {
+        let of = |planes: &Tensor<4>| planes.clone().narrow(1, image, 1);
+        Self {
+            eighth: of(&self.eighth),
+            sixteenth: of(&self.sixteenth),
+            last: of(&self.last),
+            photo: of(&self.photo),
+            global: self.global.clone().narrow(0, image, 1),
+            log_colour: self.log_colour.clone().narrow(0, image, 1),
+        }
+    }
+
     /// Returns the number of images, rows and columns of cells.
     pub fn size(&self) -> [usize; 3] {
         let [_, images, rows, columns] = self.eighth.dims();

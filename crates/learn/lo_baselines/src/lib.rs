@@ -15,6 +15,7 @@ mod gaussians;
 mod global;
 mod harmonics;
 mod li;
+mod lighthouse;
 mod nir;
 mod planes;
 mod prediction;
@@ -22,6 +23,7 @@ mod spheres;
 mod system;
 #[cfg(test)]
 mod testing;
+mod volume;
 
 pub use baseline::{BASELINE, Baseline, BaselineNet, Losses, fingerprint};
 pub use error::BaselineError;
@@ -33,3 +35,4 @@ pub use planes::Planes;
 pub use prediction::{CellLight, Prediction, SurfaceLight};
 pub use spheres::{BallMaterial, Balls};
 pub use system::System;
+pub use volume::{Grid, Volume};

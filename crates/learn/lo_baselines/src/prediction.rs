@@ -5,6 +5,7 @@ use lo_imaging::{RadianceImage, sample_equirectangular};
 
 use crate::gaussians::Gaussian;
 use crate::harmonics::Harmonics;
+use crate::volume::Volume;
 
 /// Predicted light of a photo's room.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,6 +14,8 @@ pub enum Prediction {
     Map(RadianceImage),
     /// Light at the surfaces that the photo shows.
     Surface(SurfaceLight),
+    /// A dense volume of radiance and opacity.
+    Volume(Volume),
 }
 
 /// Light at points of seen surfaces.
@@ -69,6 +72,7 @@ impl Prediction {
                 let light = surface.at(position_m);
                 directions.iter().map(|&direction| light.radiance(direction)).collect()
             }
+            Self::Volume(volume) => volume.radiance(position_m, directions),
         }
     }
 }

@@ -20,11 +20,20 @@ pub enum System {
     /// Li et al., "Inverse rendering for complex indoor scenes: shape, spatially-varying lighting and SVBRDF from a
     /// single image", 2020.
     Li2020,
+    /// Srinivasan et al., "Lighthouse: predicting lighting volumes for spatially-coherent illumination", 2020.
+    Lighthouse2020,
 }
 
 impl System {
     /// All systems, by year.
-    pub const ALL: [Self; 5] = [Self::Gardner2017, Self::Nir2019, Self::DeepLight2019, Self::Garon2019, Self::Li2020];
+    pub const ALL: [Self; 6] = [
+        Self::Gardner2017,
+        Self::Nir2019,
+        Self::DeepLight2019,
+        Self::Garon2019,
+        Self::Li2020,
+        Self::Lighthouse2020,
+    ];
 
     /// Returns the name.
     pub fn name(self) -> &'static str {
@@ -34,12 +43,13 @@ impl System {
             Self::DeepLight2019 => "deeplight2019",
             Self::Garon2019 => "garon2019",
             Self::Li2020 => "li2020",
+            Self::Lighthouse2020 => "lighthouse2020",
         }
     }
 
     /// Whether the light depends on the position in the room.
     pub fn is_local(self) -> bool {
-        matches!(self, Self::Garon2019 | Self::Li2020)
+        matches!(self, Self::Garon2019 | Self::Li2020 | Self::Lighthouse2020)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use lo_baselines::{Baseline, Prediction, SurfaceLight, System};
+use lo_baselines::{Baseline, Prediction, System};
 use lo_cone::{Cone, OctreeRenderer};
 use lo_dataset::{NovelView, Sample, TrueLeaves};
 use lo_estimate::{EstimateOptions, Estimator, Input, apply_light};
@@ -123,8 +123,8 @@ pub enum EstimatedLight {
     },
     /// One panorama in the photo's frame, independent of the probe's position.
     Map(RadianceImage),
-    /// Light predicted at surfaces that the photo shows.
-    Surfaces(SurfaceLight),
+    /// Light of a trained system that depends on the probe's position.
+    Predicted(Prediction),
 }
 
 /// Traces cones through estimated light.
@@ -298,7 +298,7 @@ impl Method {
                 let baseline = tools.baseline(system).ok_or(MethodError::Needs("the baseline's weights"))?;
                 Ok(MethodOutput::of_light(match baseline.predict(networks, &sample.photo, &sample.camera) {
                     Prediction::Map(panorama) => EstimatedLight::Map(panorama),
-                    Prediction::Surface(surfaces) => EstimatedLight::Surfaces(surfaces),
+                    local => EstimatedLight::Predicted(local),
                 }))
             }
             Self::PanoramaEverywhere => {
@@ -374,9 +374,10 @@ impl MethodOutput {
             EstimatedLight::Map(map) => {
                 RadianceImage::from_fn(width, height, |x, y| sample_equirectangular(map, direction(x, y)))
             }
-            EstimatedLight::Surfaces(surfaces) => {
-                let light = surfaces.at(position_m);
-                RadianceImage::from_fn(width, height, |x, y| light.radiance(direction(x, y)))
+            EstimatedLight::Predicted(prediction) => {
+                let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+                let directions: Vec<Vec3> = pixels.map(|(x, y)| direction(x, y)).collect();
+                RadianceImage::new(width, height, prediction.radiance(position_m, &directions))
             }
             EstimatedLight::Octree { tracer, .. } => {
                 // Half of the pixel pitch, as in `ConeTracer::panorama`.

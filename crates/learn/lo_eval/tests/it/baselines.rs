@@ -75,7 +75,7 @@ fn every_system_is_scored_and_answers_as_its_publication_does() {
         let method = Method::Baseline(system);
         assert!(method.has_tools(&tools) && method.takes(&sample) && method.name() == system.name());
         let estimate = method.estimate(&sample, &tools).unwrap();
-        assert_eq!(matches!(estimate.light, EstimatedLight::Surfaces(_)), system.is_local(), "{system}");
+        assert_eq!(matches!(estimate.light, EstimatedLight::Predicted(_)), system.is_local(), "{system}");
         let panoramas = Scorer::panoramas(&sample, &estimate);
         let scores = Scorer::new(None).score(&sample, &estimate, &panoramas);
         for figure in ["psnr_db", "log_rmse", "coherence", "diffuse_rmse", "unseen_psnr_db"] {

@@ -127,12 +127,13 @@ mod tests {
             (System::DeepLight2019, include_str!("../../../../../configs/baselines/deeplight2019.toml")),
             (System::Garon2019, include_str!("../../../../../configs/baselines/garon2019.toml")),
             (System::Li2020, include_str!("../../../../../configs/baselines/li2020.toml")),
+            (System::Lighthouse2020, include_str!("../../../../../configs/baselines/lighthouse2020.toml")),
         ] {
             let config: BaselineConfig = toml::from_str(text).unwrap();
             assert_eq!((config.validate(), config.system), (Ok(()), system));
             assert_eq!(toml::from_str::<BaselineConfig>(&toml::to_string(&config).unwrap()).unwrap(), config);
         }
-        assert_eq!(System::ALL.len(), 5);
+        assert_eq!(System::ALL.len(), 6);
     }
 
     #[test]

@@ -7,7 +7,6 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use lo_baselines::{BaselineExample, BaselineNet, PROBE_MAP, fingerprint};
-use lo_dataset::{Sample, Split};
 use lo_events::{Cancelled, Event, Figure, OnEvent};
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::RadianceImage;
