@@ -9,8 +9,8 @@ use lightoctree_cli::args::Global;
 use lightoctree_cli::progress::{bar, seconds};
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{interrupt, output, report};
-use lo_events::{Event, Figure, Stage};
 use lo_dataset::stages::READ_SAMPLES;
+use lo_events::{Event, Figure, Stage};
 use lo_train::{CHECKPOINT_FILE, InitialWeights, TrainConfig, TrainError, TrainRequest, stages};
 
 use serde::Serialize;

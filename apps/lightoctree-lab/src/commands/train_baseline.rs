@@ -83,8 +83,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     write_config(&folder.join(CONFIG), &config, COMMAND)?;
     crate::memory::retain_freed_memory();
     let examples = args.examples.clone().unwrap_or_else(|| folder.join("examples"));
-    let request =
-        BaselineRequest { folder, examples: &examples, networks, resume: args.resume, seed: global.seed };
+    let request = BaselineRequest { folder, examples: &examples, networks, resume: args.resume, seed: global.seed };
     let mut progress = TrainProgress::new(global.quiet, vec![config.stage()]);
     let outcome = lo_train::train_baseline(&config, &request, &mut |event| progress.handle_until_interrupted(event));
     progress.finish(outcome, folder, COMMAND, args.json)

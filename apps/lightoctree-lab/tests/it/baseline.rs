@@ -33,7 +33,8 @@ fn a_system_is_trained_resumed_and_scored() {
     assert_eq!(json(&done(at, &more))["steps"], 2);
 
     let eval = ["eval", "rooms", "--split", "all", "--walks", "1", "--methods", "mean-colour", "--json", "-o"];
-    let baselines = ["--baseline", "garon2019=garon/weights.safetensors", "--baseline", "nir2019=nir/weights.safetensors"];
+    let baselines =
+        ["--baseline", "garon2019=garon/weights.safetensors", "--baseline", "nir2019=nir/weights.safetensors"];
     let summary = json(&done(at, &[&eval[..], &["report"], &baselines].concat()));
     let methods = summary["methods"].as_array().unwrap();
     let names: Vec<&str> = methods.iter().map(|method| method["method"].as_str().unwrap()).collect();

@@ -281,10 +281,15 @@ mod tests {
     fn a_file_is_of_one_system_and_of_one_depth_network() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("weights.safetensors");
-        let config =
-            LightNetConfig { depth: 5, full_depth: 3, channels: 8, max_channels: 16, global_features: 9, ..Default::default() };
-        let networks =
-            |seed| Networks::new(EncoderKind::EfficientNetLite0, &config, seed, &Device::flex()).unwrap();
+        let config = LightNetConfig {
+            depth: 5,
+            full_depth: 3,
+            channels: 8,
+            max_channels: 16,
+            global_features: 9,
+            ..Default::default()
+        };
+        let networks = |seed| Networks::new(EncoderKind::EfficientNetLite0, &config, seed, &Device::flex()).unwrap();
         let (own, other) = (networks(1), networks(2));
         let photo = Image::from_fn(96, 64, |x, y| [(2 * x) as u8, (3 * y) as u8, 90]);
         let camera = Camera::from_hfov_deg(70.0, 96, 64).unwrap();

@@ -90,7 +90,8 @@ mod tests {
 
     #[test]
     fn cells_are_found_again() {
-        let images = [0, 1].map(|i| Planes::from_fn([2, 3, 4], move |c, y, x| (1000 * i + 100 * c + 10 * y + x) as f32));
+        let images =
+            [0, 1].map(|i| Planes::from_fn([2, 3, 4], move |c, y, x| (1000 * i + 100 * c + 10 * y + x) as f32));
         let x = Planes::stack(&[&images[0], &images[1]], &Device::flex());
         let cells = Cells { at: vec![[1, 2, 3], [0, 1, 0]] };
         let values: Vec<f32> = cells.of(x).into_data().iter().collect();

@@ -102,8 +102,7 @@ fn combined(rgb: [f32; 3], light: f32) -> [f32; 3] {
 fn cosine_filter(exponent: i32) -> Vec<f32> {
     let [width, height] = FILTERED;
     let count = width * height;
-    let directions: Vec<Vec3> =
-        (0..count).map(|i| pixel_direction(i % width, i / width, width, height)).collect();
+    let directions: Vec<Vec3> = (0..count).map(|i| pixel_direction(i % width, i / width, width, height)).collect();
     let weight = |from: usize, to: usize| {
         let cosine = directions[from].dot(directions[to]).max(0.0);
         cosine.powi(exponent) * pixel_solid_angle_sr(from / width, width, height)

@@ -52,8 +52,7 @@ pub(crate) fn render(
 
 /// Returns the directions of a map's pixels as `[3, pixels]`.
 pub(crate) fn directions([width, height]: [usize; 2]) -> Vec<f32> {
-    let all: Vec<Vec3> =
-        (0..width * height).map(|i| pixel_direction(i % width, i / width, width, height)).collect();
+    let all: Vec<Vec3> = (0..width * height).map(|i| pixel_direction(i % width, i / width, width, height)).collect();
     let axis = |of: fn(&Vec3) -> f32| all.iter().map(of).collect::<Vec<f32>>();
     [axis(|d| d.x), axis(|d| d.y), axis(|d| d.z)].concat()
 }

@@ -63,9 +63,7 @@ impl LiNet {
         let count = cells.at.len();
         // Small at the beginning, so that lobes start evenly spread.
         let numbers = cells.of(conv2d(dense, &self.output)).reshape([count, LOBES, NUMBERS]) * 0.3;
-        let flat = |begin: usize, width: usize| {
-            numbers.clone().narrow(2, begin, width).reshape([count * LOBES, width])
-        };
+        let flat = |begin: usize, width: usize| numbers.clone().narrow(2, begin, width).reshape([count * LOBES, width]);
         let spread: Vec<f32> = fibonacci_sphere(LOBES).iter().flat_map(Vec3::to_array).collect();
         let spread = Tensor::<3>::from_data(TensorData::new(spread, [1, LOBES, 3]), &numbers.device());
         let axes = (numbers.clone().narrow(2, 0, 3) + spread).reshape([count * LOBES, 3]);

@@ -112,9 +112,8 @@ fn rendered_cells(examples: &[&BaselineExample]) -> Cells {
 fn shading(map: &Tensor<4>, normals: Tensor<2>, cells: &Cells) -> Tensor<2> {
     let [_, images, height, width] = map.dims();
     let (device, dtype, pixels) = (map.device(), map.dtype(), height * width);
-    let constant = |values: Vec<f32>, size: [usize; 2]| {
-        Tensor::<2>::from_data(TensorData::new(values, size), (&device, dtype))
-    };
+    let constant =
+        |values: Vec<f32>, size: [usize; 2]| Tensor::<2>::from_data(TensorData::new(values, size), (&device, dtype));
     let cosines = activation::relu(normals.matmul(constant(directions([width, height]), [3, pixels])));
     let share = (0..pixels).map(|i| pixel_solid_angle_sr(i / width, width, height) / PI).collect();
     let light = map.clone().reshape([3, images, pixels]) * constant(share, [1, pixels]).reshape([1, 1, pixels]);
@@ -165,7 +164,8 @@ mod tests {
         };
         assert_gradient(map.clone(), |map| shading(&map, like(&normals, &map), &cells).square().sum());
         assert_gradient(normals, |normals| {
-            let map = Tensor::<4>::from_data(map.clone().into_data().convert::<f64>(), (&normals.device(), normals.dtype()));
+            let map =
+                Tensor::<4>::from_data(map.clone().into_data().convert::<f64>(), (&normals.device(), normals.dtype()));
             shading(&map, normals, &cells).square().sum()
         });
     }

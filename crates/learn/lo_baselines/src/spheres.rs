@@ -45,7 +45,11 @@ impl Balls {
     /// Prepares the balls for panoramas of this width and height.
     pub fn new(size: [usize; 2]) -> Self {
         let normals = normals();
-        Self { size, transport: BallMaterial::ALL.map(|material| transport(material, size, &normals)), pixels: normals.len() }
+        Self {
+            size,
+            transport: BallMaterial::ALL.map(|material| transport(material, size, &normals)),
+            pixels: normals.len(),
+        }
     }
 
     /// Returns the middle of each pixel of a ball, right and up, in radii.
@@ -170,7 +174,9 @@ mod tests {
 
     #[test]
     fn balls_in_even_light_are_white() {
-        for (material, least) in [(BallMaterial::Mirror, 0.999), (BallMaterial::Silver, 0.8), (BallMaterial::Matte, 0.99)] {
+        for (material, least) in
+            [(BallMaterial::Mirror, 0.999), (BallMaterial::Silver, 0.8), (BallMaterial::Matte, 0.99)]
+        {
             for (normal, seen) in look(material, |_| 1.0) {
                 // Rough metal loses light to masking towards the rim.
                 let least = if normal.z < 0.4 { 0.5 * least } else { least };

@@ -26,14 +26,8 @@ pub enum System {
 
 impl System {
     /// All systems, by year.
-    pub const ALL: [Self; 6] = [
-        Self::Gardner2017,
-        Self::Nir2019,
-        Self::DeepLight2019,
-        Self::Garon2019,
-        Self::Li2020,
-        Self::Lighthouse2020,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::Gardner2017, Self::Nir2019, Self::DeepLight2019, Self::Garon2019, Self::Li2020, Self::Lighthouse2020];
 
     /// Returns the name.
     pub fn name(self) -> &'static str {

@@ -63,10 +63,8 @@ pub(crate) fn lit(lamp: f32, [width, height]: [usize; 2]) -> RadianceImage {
 
 /// Returns a training example of a photo of 64 × 32 pixels, with probes at two cells.
 pub(crate) fn example(number: usize) -> BaselineExample {
-    let planes = |size: [usize; 3], seed: usize| Planes {
-        size,
-        values: values(size.iter().product(), seed + 31 * number),
-    };
+    let planes =
+        |size: [usize; 3], seed: usize| Planes { size, values: values(size.iter().product(), seed + 31 * number) };
     let mut global = values(SHAPE.global, number);
     global[SHAPE.global - 3..].copy_from_slice(&[-1.0, -1.1, -1.3]);
     let lamp = 2.0 + number as f32;

@@ -217,15 +217,14 @@ impl Kernel for MarchKernel {
                     for &(index, weight) in corners {
                         for (channel, by_sample) in all.into_iter().enumerate() {
                             let sum = &mut by_volume[channel * count + index];
-                            *sum = *sum + T::from_f64(weight * by_sample);
+                            *sum += T::from_f64(weight * by_sample);
                         }
                     }
                 }
             }
             by_volume
         };
-        let parts: Vec<Vec<T>> =
-            self.rays.par_chunks(length).zip(gradient.par_chunks(3 * length)).map(part).collect();
+        let parts: Vec<Vec<T>> = self.rays.par_chunks(length).zip(gradient.par_chunks(3 * length)).map(part).collect();
         let sum = |i: usize| parts.iter().fold(T::default(), |sum, part| sum + part[i]);
         vec![(0..volume.len()).into_par_iter().map(sum).collect()]
     }

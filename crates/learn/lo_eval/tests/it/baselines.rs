@@ -17,7 +17,9 @@ use lo_synth::SynthConfig;
 fn balls_look_like_the_evaluations_spheres() {
     // Smooth enough for 32 × 16 pixels; a lamp at the right, above, behind the camera.
     let light = |d: Vec3| 0.4 + 0.3 * d.y + 6.0 * (8.0 * (d.dot(Vec3::new(0.64, 0.48, 0.6)) - 1.0)).exp();
-    let map = |width: usize| RadianceImage::from_fn(width, width / 2, |x, y| [light(pixel_direction(x, y, width, width / 2)); 3]);
+    let map = |width: usize| {
+        RadianceImage::from_fn(width, width / 2, |x, y| [light(pixel_direction(x, y, width, width / 2)); 3])
+    };
     let balls = Balls::new([32, 16]);
     // From afar, the silhouette is a circle of this radius.
     let (eye, focal_px) = (Vec3::new(0.0, 0.0, 60.0), 6_000.0);
@@ -38,7 +40,10 @@ fn balls_look_like_the_evaluations_spheres() {
             }
             let pixel = |t: f32| (0.5 * picture.width() as f32 + t * radius_px / step) as usize;
             let expected = picture[(pixel(right), pixel(-up))][1];
-            assert!((seen[1] - expected).abs() < tolerance * (1.0 + expected), "{own:?} {right} {up}: {seen:?} {expected}");
+            assert!(
+                (seen[1] - expected).abs() < tolerance * (1.0 + expected),
+                "{own:?} {right} {up}: {seen:?} {expected}"
+            );
             compared += 1;
         }
         assert!(compared > 250, "{compared}");

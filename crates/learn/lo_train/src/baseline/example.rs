@@ -199,8 +199,14 @@ mod tests {
 
     fn sample() -> Sample {
         let room = SynthConfig { crop_size: [120, 80], ..SynthConfig::default() };
-        let config =
-            GeneratorConfig { room, shots: 1, panoramas: 2, panorama_height: 32, octree_depth: 6, ..Default::default() };
+        let config = GeneratorConfig {
+            room,
+            shots: 1,
+            panoramas: 2,
+            panorama_height: 32,
+            octree_depth: 6,
+            ..Default::default()
+        };
         Generator::new(3, config).unwrap().record(1).unwrap().sample(0)
     }
 
@@ -249,7 +255,8 @@ mod tests {
         let (depth_m, normal) = (sample.depth_m.as_ref().unwrap(), sample.normal.as_ref().unwrap());
         let got = depth_normals(depth_m, &sample.camera);
         let pairs = got.pixels().iter().zip(normal.pixels()).map(|(a, b)| (Vec3::from_array(*a), Vec3::from_array(*b)));
-        let cosines: Vec<f32> = pairs.filter(|(a, b)| *a != Vec3::ZERO && *b != Vec3::ZERO).map(|(a, b)| a.dot(b)).collect();
+        let cosines: Vec<f32> =
+            pairs.filter(|(a, b)| *a != Vec3::ZERO && *b != Vec3::ZERO).map(|(a, b)| a.dot(b)).collect();
         let close = cosines.iter().filter(|cosine| **cosine > 0.98).count();
         assert!(cosines.len() > got.pixels().len() / 2 && 10 * close > 8 * cosines.len(), "{close} {}", cosines.len());
     }

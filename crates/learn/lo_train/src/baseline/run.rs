@@ -52,11 +52,7 @@ pub struct BaselineRequest<'a> {
 ///
 /// # Errors
 /// See [`TrainError`].
-pub fn train_baseline(
-    config: &BaselineConfig,
-    request: &BaselineRequest,
-    on_event: OnEvent,
-) -> Result<(), TrainError> {
+pub fn train_baseline(config: &BaselineConfig, request: &BaselineRequest, on_event: OnEvent) -> Result<(), TrainError> {
     config.validate()?;
     let path = request.folder.join(CHECKPOINT_FILE);
     let resumed = request.resume.then(|| BaselineTrainer::read(&path)).transpose()?;

@@ -103,7 +103,8 @@ fn every_system_goes_on_as_if_it_had_not_stopped() {
 fn longer_training_lowers_the_loss() {
     let folder = tempfile::tempdir().unwrap();
     let config = BaselineConfig { steps: 60, ..config(System::Li2020) };
-    let at = [&folder.path().join("run"), &folder.path().join("examples")].map(|path| path.as_path());
+    let [run_folder, examples] = ["run", "examples"].map(|name| folder.path().join(name));
+    let at = [&run_folder, &examples].map(|path| path.as_path());
     let [losses, _] = run(&config, at, &networks(1), false, u64::MAX).unwrap();
     let light = |of: &[Vec<Figure>]| of.iter().map(|figures| figures[0].value).sum::<f64>() / of.len() as f64;
     let (first, last) = (light(&losses[..6]), light(&losses[54..]));
@@ -114,13 +115,13 @@ fn longer_training_lowers_the_loss() {
 #[test]
 fn other_systems_weights_and_data_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let at = [&folder.path().join("run"), &folder.path().join("examples")].map(|path| path.as_path());
+    let [run_folder, examples] = ["run", "examples"].map(|name| folder.path().join(name));
+    let at = [&run_folder, &examples].map(|path| path.as_path());
     let own = networks(1);
     let config = config(System::DeepLight2019);
     assert!(matches!(run(&config, at, &own, false, 1), Err(TrainError::Cancelled(_))));
-    let message = |config: &BaselineConfig, networks: &Networks| {
-        run(config, at, networks, true, 1).err().unwrap().to_string()
-    };
+    let message =
+        |config: &BaselineConfig, networks: &Networks| run(config, at, networks, true, 1).err().unwrap().to_string();
     let other = BaselineConfig { system: System::Nir2019, ..config.clone() };
     assert!(message(&other, &own).contains("the run trains deeplight2019, not nir2019"));
     assert!(message(&config, &networks(2)).contains("features of other weights"));
