@@ -87,14 +87,6 @@ impl PhotoFeatures {
         cell_means(image, self.cells())
     }
 
-    /// Returns the cell of a position in the photo, both from 0 to 1: row and column.
-    pub fn cell_at(&self, [u, v]: [f64; 2], photo: [usize; 2]) -> [usize; 2] {
-        let at = |t: f64, size: usize, cells: usize| {
-            ((t * size as f64 / CELL as f64).max(0.0) as usize).min(cells.max(1) - 1)
-        };
-        [at(v, photo[1], self.shown[0]), at(u, photo[0], self.shown[1])]
-    }
-
     /// Returns the predicted surface points of all shown cells with their rows and columns.
     pub fn surface(&self) -> Vec<([usize; 2], Vec3)> {
         let [rows, columns] = self.shown;
@@ -219,7 +211,7 @@ mod tests {
         let depth = net.forward(&[&photo]).depth_m(&camera);
         for (cell, point) in surface {
             let (u, v, depth_m) = camera.project(point).unwrap();
-            assert_eq!(features.cell_at([u / 90.0, v / 60.0], [90, 60]), cell);
+            assert_eq!([v, u].map(|pixel| (pixel / CELL as f64) as usize), cell);
             let expected = depth[((u + 0.01) as usize, (v + 0.01) as usize)];
             assert!((depth_m as f32 / expected - 1.0).abs() < 1e-4, "{cell:?}: {depth_m} {expected}");
         }

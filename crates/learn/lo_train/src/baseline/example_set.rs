@@ -19,11 +19,14 @@ use crate::prefetch::{Prefetcher, SkippedSample};
 use crate::sources::Sources;
 use crate::warning::TrainingWarning;
 
-/// Describes the examples of a folder; written last.
+/// Describes the examples of a folder.
 const LIST: &str = "examples.json";
 
 /// Changes whenever examples are made differently.
 const VERSION: u32 = 1;
+
+/// Key of the loader's next position in the state of an example's file.
+const NEXT: &str = "next";
 
 /// Consecutive unusable samples after which the run fails.
 const MAX_UNUSABLE: u64 = 200;
@@ -38,11 +41,12 @@ pub(super) struct ExampleSet {
 }
 
 impl ExampleSet {
-    /// Reads the examples from a subfolder of `folder` that is named by their key. Makes and writes them if there are
-    /// none. The system is not part of the key: all systems share their examples.
+    /// Reads the examples from a subfolder of `folder` that is named by their key, and makes and writes those that it
+    /// lacks. Neither the system nor the number of photos is part of the key: all systems share their examples, and a
+    /// smaller pool is the beginning of a larger one.
     ///
     /// # Errors
-    /// Unreadable data, files that cannot be read or written, cancellation.
+    /// Unreadable data, files that cannot be read or written, cancellation. What was made until then is kept.
     pub fn open(
         config: &BaselineConfig,
         folder: &Path,
@@ -56,24 +60,30 @@ impl ExampleSet {
             "data": format!("{:016x}", dataset_fingerprint(&*sources.all)),
             "depth_net": format!("{:016x}", fingerprint(depth_net)),
             "seed": seed,
-            "photos": config.photos,
             "probes": config.probes,
-            "validation": config.validation.photos,
             "augmentation": config.variations(),
         });
         let key = lo_random::hash(description.to_string().as_bytes());
         let folder = folder.join(format!("{key:016x}"));
+        std::fs::create_dir_all(&folder).map_err(TrainError::io(&folder))?;
+        let list = folder.join(LIST);
+        lo_imaging::write_atomically(&list, |out| {
+            std::io::Write::write_all(out, format!("{description:#}\n").as_bytes())
+        })
+        .map_err(TrainError::io(&list))?;
         let files = ExampleFiles { folder };
-        if files.are_complete() {
-            return files.read(config, key);
-        }
-        let made = Maker { config, sources, depth_net, seed, files: &files };
-        made.train(on_event)?;
-        let validation = made.validation(on_event)?;
-        files.finish(&json!({ "examples": description, "validation_photos": validation }))?;
-        files.read(config, key)
+        let maker = Maker { config, sources, depth_net, seed, files: &files };
+        maker.train(on_event)?;
+        let validation = maker.validation(on_event)?;
+        // Those just made are read, too, so that they are as rounded as those of a resumed run.
+        let train = (0..config.photos).map(|index| files.read(TRAIN, index)).collect::<Result<_, _>>()?;
+        Ok(Self { train, validation, key })
     }
 }
+
+/// Names of the parts in file names.
+const TRAIN: &str = "train";
+const VALIDATION: &str = "validation";
 
 /// Files of examples in one folder.
 struct ExampleFiles {
@@ -85,41 +95,32 @@ impl ExampleFiles {
         self.folder.join(format!("{part}-{index:06}.safetensors"))
     }
 
-    fn are_complete(&self) -> bool {
-        self.folder.join(LIST).exists()
+    /// Returns how many examples of training there are, and the loader's position after the last one.
+    fn made(&self) -> Result<(usize, LoaderState), TrainError> {
+        let count = (0..).take_while(|&index| self.path(TRAIN, index).exists()).count();
+        if count == 0 {
+            return Ok((0, LoaderState::default()));
+        }
+        let path = self.path(TRAIN, count - 1);
+        let state = Checkpoint::read(&path)?.state;
+        let next = serde_json::from_value(state[NEXT].clone()).map_err(|error| wrong(&path, error))?;
+        Ok((count, next))
     }
 
-    fn write(&self, part: &str, index: usize, example: &BaselineExample) -> Result<(), TrainError> {
-        Ok(example.to_checkpoint().write(self.path(part, index), Precision::Half)?)
+    fn write(&self, part: &str, index: usize, example: &BaselineExample, next: LoaderState) -> Result<(), TrainError> {
+        let mut file = example.to_checkpoint();
+        file.state = json!({ NEXT: next });
+        Ok(file.write(self.path(part, index), Precision::Half)?)
     }
 
-    fn finish(&self, list: &serde_json::Value) -> Result<(), TrainError> {
-        let path = self.folder.join(LIST);
-        let text = format!("{list:#}\n");
-        lo_imaging::write_atomically(&path, |out| std::io::Write::write_all(out, text.as_bytes()))
-            .map_err(TrainError::io(&path))
+    fn read(&self, part: &str, index: usize) -> Result<BaselineExample, TrainError> {
+        let path = self.path(part, index);
+        BaselineExample::from_checkpoint(&Checkpoint::read(&path)?).map_err(|error| wrong(&path, error))
     }
+}
 
-    /// Reads all examples, so that those of a new run are as rounded as those of a resumed one.
-    fn read(&self, config: &BaselineConfig, key: u64) -> Result<ExampleSet, TrainError> {
-        let path = self.folder.join(LIST);
-        let text = std::fs::read_to_string(&path).map_err(TrainError::io(&path))?;
-        let list: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
-        let validation = list["validation_photos"].as_u64().unwrap_or(0) as usize;
-        let part = |name: &'static str, count: usize| -> Result<Vec<BaselineExample>, TrainError> {
-            let of = |index| {
-                let path = self.path(name, index);
-                let file = Checkpoint::read(&path)?;
-                let wrong = |error: lo_baselines::BaselineError| TrainError::NotThisRun {
-                    path: path.clone(),
-                    reason: error.to_string(),
-                };
-                BaselineExample::from_checkpoint(&file).map_err(wrong)
-            };
-            (0..count).map(of).collect()
-        };
-        Ok(ExampleSet { train: part("train", config.photos)?, validation: part("validation", validation)?, key })
-    }
+fn wrong(path: &Path, error: impl ToString) -> TrainError {
+    TrainError::NotThisRun { path: path.to_owned(), reason: error.to_string() }
 }
 
 /// Makes the examples.
@@ -132,10 +133,13 @@ struct Maker<'a> {
 }
 
 impl Maker<'_> {
-    /// Makes and writes the examples of training.
+    /// Makes and writes the examples of training that are missing.
     fn train(&self, on_event: OnEvent) -> Result<(), TrainError> {
         let Self { config, seed, files, .. } = *self;
-        std::fs::create_dir_all(&files.folder).map_err(TrainError::io(&files.folder))?;
+        let (mut done, begin) = files.made()?;
+        if done >= config.photos {
+            return Ok(());
+        }
         let (depth_net, augmentation, probes) = (self.depth_net.clone(), config.variations(), config.probes);
         let prepare = move |sample: &lo_dataset::Sample, epoch: u64| {
             let (variation, _) = augmentation.variation(seed, sample, epoch);
@@ -143,7 +147,7 @@ impl Maker<'_> {
             baseline_example(sample, &variation, &depth_net, probes, &mut stream)
         };
         let data = self.sources.all.clone();
-        let prefetcher = Prefetcher::start(data, &config.data, seed, Vec::new(), LoaderState::default(), prepare);
+        let prefetcher = Prefetcher::start(data, &config.data, seed, Vec::new(), begin, prepare);
         let mut prefetcher = prefetcher.map_err(TrainError::io(&files.folder))?;
         let total = config.photos as u64;
         let (mut unusable, begun) = (0, Instant::now());
@@ -152,12 +156,12 @@ impl Maker<'_> {
             std::ops::ControlFlow::Break(()) => Err(Cancelled),
         };
         emit(Event::Begun(READ_SAMPLES))?;
-        let mut done = 0;
         while done < config.photos {
-            match prefetcher.next().map_err(|_| TrainError::Empty)?.example {
+            let prepared = prefetcher.next().map_err(|_| TrainError::Empty)?;
+            match prepared.example {
                 Ok(example) => {
                     unusable = 0;
-                    files.write("train", done, &example)?;
+                    files.write(TRAIN, done, &example, prepared.next)?;
                     done += 1;
                     emit(Event::Progress { stage: READ_SAMPLES, done: done as u64, total })?;
                 }
@@ -173,24 +177,25 @@ impl Maker<'_> {
         Ok(emit(Event::Done { stage: READ_SAMPLES, took: begun.elapsed() })?)
     }
 
-    /// Makes and writes the examples of validation, and returns their number.
-    fn validation(&self, on_event: OnEvent) -> Result<usize, TrainError> {
-        let rooms = &self.sources.rooms;
-        let mut count = 0;
+    /// Returns the examples of validation, and makes and writes those that are missing.
+    fn validation(&self, on_event: OnEvent) -> Result<Vec<BaselineExample>, TrainError> {
+        let (rooms, files) = (&self.sources.rooms, self.files);
+        let mut examples = Vec::new();
         for index in indices_of(&**rooms, Some(Split::Validation), Some(self.config.validation.photos)) {
-            let sample = rooms.get(index)?;
-            let mut stream = Variation::stream(self.seed, "baseline probes", &sample, 0);
-            match baseline_example(&sample, &Variation::NONE, self.depth_net, 0, &mut stream) {
-                Ok(example) => {
-                    self.files.write("validation", count, &example)?;
-                    count += 1;
-                }
-                Err(error) => {
-                    let (sample, error) = (sample.id, error.to_string());
-                    warn(on_event, TrainingWarning::SampleSkipped { sample, error })?;
+            if !files.path(VALIDATION, index).exists() {
+                let sample = rooms.get(index)?;
+                let mut stream = Variation::stream(self.seed, "baseline probes", &sample, 0);
+                match baseline_example(&sample, &Variation::NONE, self.depth_net, 0, &mut stream) {
+                    Ok(example) => files.write(VALIDATION, index, &example, LoaderState::default())?,
+                    Err(error) => {
+                        let (sample, error) = (sample.id, error.to_string());
+                        warn(on_event, TrainingWarning::SampleSkipped { sample, error })?;
+                        continue;
+                    }
                 }
             }
+            examples.push(files.read(VALIDATION, index)?);
         }
-        Ok(count)
+        Ok(examples)
     }
 }

@@ -71,7 +71,7 @@ pub fn train_baseline(config: &BaselineConfig, request: &BaselineRequest, on_eve
     let key = format!("{:016x}", examples.key);
     let trainer = match resumed {
         Some(trainer) if trainer.state.examples != key => {
-            return Err(other("the data or the examples' configuration changed; start a new run"));
+            return Err(other("the data, the probes or the augmentation changed; start a new run"));
         }
         Some(trainer) => trainer,
         None => {

@@ -95,8 +95,17 @@ fn every_system_goes_on_as_if_it_had_not_stopped() {
         let log = std::fs::read_to_string(whole.join(LOG_FILE)).unwrap();
         assert_eq!(log.lines().filter(|line| line.contains("\"means\"")).count(), 3, "{log}");
     }
-    // All systems share their examples.
-    assert_eq!(std::fs::read_dir(&examples).unwrap().count(), 1);
+    // All systems share their examples, and a pool that was not finished is made up to the same one.
+    let all: Vec<_> = std::fs::read_dir(&examples).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(all.len(), 1);
+    let file = |index: usize| all[0].join(format!("train-{index:06}.safetensors"));
+    let before: Vec<_> = (0..8).map(|index| std::fs::read(file(index)).unwrap()).collect();
+    (5..8).for_each(|index| std::fs::remove_file(file(index)).unwrap());
+    let at = [&folder.path().join("again"), &examples].map(|path| path.to_owned());
+    let config = BaselineConfig { steps: 1, ..config(System::Garon2019) };
+    run(&config, [&at[0], &at[1]], &networks, false, u64::MAX).unwrap();
+    let after: Vec<_> = (0..8).map(|index| std::fs::read(file(index)).unwrap()).collect();
+    assert!(before == after);
 }
 
 #[test]
@@ -125,8 +134,8 @@ fn other_systems_weights_and_data_are_refused() {
     let other = BaselineConfig { system: System::Nir2019, ..config.clone() };
     assert!(message(&other, &own).contains("the run trains deeplight2019, not nir2019"));
     assert!(message(&config, &networks(2)).contains("features of other weights"));
-    let fewer = BaselineConfig { photos: 4, ..config.clone() };
-    assert!(message(&fewer, &own).contains("the data or the examples' configuration changed"));
+    let fewer = BaselineConfig { probes: 2, ..config.clone() };
+    assert!(message(&fewer, &own).contains("the probes or the augmentation changed"));
     own.write(at[0].join(CHECKPOINT_FILE), Precision::Half).unwrap();
     assert!(message(&config, &own).contains("not the checkpoint of a baseline's run"));
 }
