@@ -14,7 +14,7 @@ use crate::config::{self, ConfigArgs};
 /// Options of `train-baseline`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
-    lightoctree-lab train-baseline --config configs/baselines/garon2019.toml --data rooms --examples examples -o run\n  \
+    lightoctree-lab train-baseline --config configs/baselines/garon2019.toml --data rooms -o run\n  \
     lightoctree-lab train-baseline --resume -o run\n  \
     lightoctree-lab eval rooms --baseline garon2019=run/weights.safetensors -o report\n\n\
     Files in the output folder:\n  \

@@ -22,7 +22,7 @@ const HIDDEN: usize = 256;
 /// Coefficients of light and of distance.
 const OUTPUTS: usize = 4 * COEFFICIENTS;
 
-/// Added to the root mean square of a probe's coefficients, in the photo's mean colour, before errors are divided by it.
+/// Added to the root mean square of a probe's coefficients, in the photo's mean colour, by which errors are divided.
 const DARK: f32 = 0.3;
 
 /// Network of Garon et al. 2019.

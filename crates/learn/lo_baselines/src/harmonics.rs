@@ -52,7 +52,7 @@ pub(crate) fn projection([width, height]: [usize; 2]) -> Vec<f32> {
 
 /// Returns the harmonics of a unit direction, with polar axis z and without the Condon–Shortley sign.
 pub(crate) fn basis(d: Vec3) -> [f32; COEFFICIENTS] {
-    // Legendre functions divided by sinᵐ θ: P[m][m] = (2m − 1)!!, (l − m) P[l] = (2l − 1) z P[l−1] − (l + m − 1) P[l−2].
+    // Legendre functions over sinᵐ θ: P[m][m] = (2m − 1)!!, (l − m) P[l] = (2l − 1) z P[l−1] − (l + m − 1) P[l−2].
     // sinᵐ θ · (cos m φ, sin m φ) = (x + i y)ᵐ.
     let mut values = [0.0; COEFFICIENTS];
     let (mut cosine, mut sine) = (1.0f32, 0.0f32);

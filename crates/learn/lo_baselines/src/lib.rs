@@ -1,7 +1,7 @@
 //! The systems that the paper compares with, as trainable baselines on our image encoder (`docs/method.md` §17).
 //!
-//! Each system is one module: its network, its losses and its answer to "which light arrives at this point". All of them
-//! read the features of the same frozen depth network ([`PhotoFeatures`]). `lo_train` trains them, `lo_eval` scores them.
+//! Each system is one module: its network, its losses and its answer to "which light arrives at this point". All read
+//! the features of the same frozen depth network ([`PhotoFeatures`]). `lo_train` trains them, `lo_eval` scores them.
 
 mod baseline;
 mod deeplight;

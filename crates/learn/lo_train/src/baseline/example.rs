@@ -230,7 +230,8 @@ mod tests {
                 let shown = [0, 1, 2].map(|c| example.features.photo.at(c, row, column));
                 let seen = sample_equirectangular(&probe.radiance, -normal);
                 // 120 × 80 pixels are the network's input; zoomed photos are smaller.
-                let near = |pixel: f64, cell: usize| (pixel - (CELL * cell + CELL / 2) as f64).abs() < 6.0 * CELL as f64;
+                let near =
+                    |pixel: f64, cell: usize| (pixel - (CELL * cell + CELL / 2) as f64).abs() < 6.0 * CELL as f64;
                 assert!(near(v, row) && near(u, column), "{:?} {u} {v}", probe.cell);
                 if shown[1] < 0.8 {
                     known += 1;

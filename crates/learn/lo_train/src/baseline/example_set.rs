@@ -14,6 +14,7 @@ use serde_json::json;
 use super::config::BaselineConfig;
 use super::example::baseline_example;
 use crate::augmentation::Variation;
+use crate::config::DataConfig;
 use crate::error::TrainError;
 use crate::prefetch::{Prefetcher, SkippedSample};
 use crate::sources::Sources;
@@ -55,9 +56,12 @@ impl ExampleSet {
         on_event: OnEvent,
     ) -> Result<Self, TrainError> {
         let sources = Sources::open(&config.data, seed)?;
+        // Crops depend on the configuration, rooms of a folder on the folder's content alone.
+        let crops = DataConfig { folder: None, threads: 1, prefetch: 1, ..config.data.clone() };
         let description = json!({
             "version": VERSION,
-            "data": format!("{:016x}", dataset_fingerprint(&*sources.all)),
+            "rooms_and_places": format!("{:016x}", dataset_fingerprint(&*sources.all)),
+            "data": crops,
             "depth_net": format!("{:016x}", fingerprint(depth_net)),
             "seed": seed,
             "probes": config.probes,
