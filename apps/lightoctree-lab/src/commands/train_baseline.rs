@@ -31,7 +31,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
 
-    /// Trained weights whose depth network computes the image features; it is not trained [default: the built-in weights]
+    /// Weights whose depth network computes the image features; it is not trained [default: the built-in weights]
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
 

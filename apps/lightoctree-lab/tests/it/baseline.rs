@@ -4,7 +4,18 @@ use std::path::Path;
 
 use crate::support::{done, json, refused};
 
-const ROOMS: &str = "shots = 1\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [64, 48]\n[light]\nspacing_m = 0.5\ngather_rays = 16\nlight_rays = 4\n";
+const ROOMS: &str = "
+shots = 1
+panoramas = 2
+panorama_height = 16
+octree_depth = 5
+[room]
+crop_size = [64, 48]
+[light]
+spacing_m = 0.5
+gather_rays = 16
+light_rays = 4
+";
 
 /// Trains on two rooms for some steps.
 fn train<'a>(name: &'a str, more: &[&'a str]) -> Vec<String> {
