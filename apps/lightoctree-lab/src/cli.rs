@@ -27,6 +27,8 @@ pub enum Command {
     Dataset(commands::dataset::Args),
     /// Train the networks
     Train(commands::train::Args),
+    /// Train a system that the paper compares with
+    TrainBaseline(commands::train_baseline::Args),
     /// Average, merge or inspect weights files
     Weights(commands::weights::Args),
     /// Evaluate methods and baselines on a dataset

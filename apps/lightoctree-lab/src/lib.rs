@@ -26,6 +26,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Synth(args) => commands::synth::run(global, args),
         Command::Dataset(args) => commands::dataset::run(global, args),
         Command::Train(args) => commands::train::run(global, args),
+        Command::TrainBaseline(args) => commands::train_baseline::run(global, args),
         Command::Weights(args) => commands::weights::run(args),
         Command::Eval(args) => commands::eval::run(global, args),
         Command::Study(args) => commands::study::run(global, args),

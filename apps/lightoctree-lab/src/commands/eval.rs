@@ -13,6 +13,7 @@ use lightoctree_cli::commands::parse;
 use lightoctree_cli::progress::seconds;
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{output, report};
+use lo_baselines::{Baseline, BaselineError, System};
 use lo_dataset::{CropModel, Generator, GeneratorConfig};
 use lo_eval::{
     EvalError, Evaluation, External, InsertionEvaluation, InsertionMethod, Method, PhotoSelection, Profile,
@@ -35,6 +36,7 @@ use crate::stage_bar::StageBar;
     lightoctree-lab eval panoramas --split all --protocol three-spheres -o report\n  \
     lightoctree-lab eval panoramas --split all --write-views views\n  \
     lightoctree-lab eval panoramas --split all --external other=views -o report\n  \
+    lightoctree-lab eval rooms --baseline garon2019=run/weights.safetensors -o report\n  \
     lightoctree-lab eval configs/insertion.toml --protocol insertion --seed 11 --samples 66 -o report\n\n\
     Files in the output folder:\n  \
     summary.md    tables of all figures\n  \
@@ -113,7 +115,7 @@ pub struct Args {
     /// Write the photos, their cameras, depth and the positions of their panoramas for other programs, and exit
     ///
     /// The folder gets views.json, which names the panorama wanted for each photo and position.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "profile", "weights", "methods", "make_profile", "external", "panoramas", "objects"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "profile", "weights", "methods", "make_profile", "external", "baseline", "panoramas", "objects"])]
     write_views: Option<PathBuf>,
 
     /// Also score the panoramas of another program, in a folder with views.json; may be repeated
@@ -121,6 +123,13 @@ pub struct Args {
     /// Where the panorama of a position is missing, the photo's one panorama is used.
     #[arg(long, value_name = "NAME=DIR", value_parser = external)]
     external: Vec<(String, PathBuf)>,
+
+    /// Also score a trained system of the literature, as written by train-baseline; may be repeated
+    ///
+    /// Names: gardner2017, nir2019, deeplight2019, garon2019, li2020, lighthouse2020. It must have been trained on the features of the
+    /// networks of --weights.
+    #[arg(long, value_name = "NAME=FILE", value_parser = baseline)]
+    baseline: Vec<(System, PathBuf)>,
 
     /// Also write each method's panoramas into DIR/METHOD, in the form that --external reads
     #[arg(long, value_name = "DIR")]
@@ -224,13 +233,20 @@ fn external(text: &str) -> Result<(String, PathBuf), String> {
     if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(is_plain) {
         return Err(format!("the name must have 1 to {MAX_NAME} letters, digits or any of . _ + -"));
     }
-    if name == "truth" || all_methods().any(|method| method.name() == name) {
+    let is_system = System::ALL.into_iter().any(|system| system.name() == name);
+    if name == "truth" || is_system || all_methods().any(|method| method.name() == name) {
         return Err(format!("{name} has a meaning in the tables; choose another name"));
     }
     if folder.is_empty() {
         return Err("expected NAME=DIR".into());
     }
     Ok((name.to_owned(), folder.into()))
+}
+
+/// Parses `NAME=FILE` of `--baseline`.
+fn baseline(text: &str) -> Result<(System, PathBuf), String> {
+    let (name, file) = text.split_once('=').filter(|(_, file)| !file.is_empty()).ok_or("expected NAME=FILE")?;
+    Ok((name.parse().map_err(|error: BaselineError| error.to_string())?, file.into()))
 }
 
 /// Runs the evaluation, or computes a profile.
@@ -249,6 +265,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     } else {
         Estimator::without_networks()
     };
+    let baselines = baselines(args, &estimator)?;
     let tools = Tools {
         estimator: &estimator,
         profile: profile.as_ref(),
@@ -256,6 +273,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         seed: global.seed,
         known: None,
         foreign: None,
+        baselines: &baselines,
     };
     let begun = Instant::now();
     let rows = args.rows as usize;
@@ -339,12 +357,27 @@ fn externals(args: &Args) -> anyhow::Result<Vec<External>> {
     Ok(externals)
 }
 
+/// Reads the files of `--baseline`.
+fn baselines(args: &Args, estimator: &Estimator) -> anyhow::Result<Vec<Baseline>> {
+    let mut baselines: Vec<Baseline> = Vec::new();
+    for (system, path) in &args.baseline {
+        if baselines.iter().any(|other| other.system() == *system) {
+            return Err(Usage(format!("--baseline: {system} is given twice")).into());
+        }
+        if estimator.networks().is_none() {
+            return Err(Usage("--baseline requires --weights FILE: baselines read their image features".into()).into());
+        }
+        baselines.push(Baseline::read(path, *system).with_context(|| format!("--baseline {system}"))?);
+    }
+    Ok(baselines)
+}
+
 /// Prepares the protocol insertion in the rooms of a configuration.
 fn insertion<'a>(global: &Global, args: &Args, tools: Tools<'a>) -> anyhow::Result<InsertionEvaluation<'a>> {
     let methods = methods_by_name(&args.methods, &InsertionMethod::ALL, InsertionMethod::name)?;
-    if !args.external.is_empty() || args.panoramas.is_some() || args.objects {
-        let message =
-            "the protocol insertion has its own objects and light: remove --external, --panoramas and --objects";
+    if !args.external.is_empty() || !args.baseline.is_empty() || args.panoramas.is_some() || args.objects {
+        let message = "the protocol insertion has its own objects and light: remove --external, --baseline, \
+            --panoramas and --objects";
         return Err(Usage(message.into()).into());
     }
     if tools.estimator.networks().is_none() {
@@ -364,6 +397,7 @@ fn usage(error: EvalError) -> anyhow::Error {
     match error {
         EvalError::NoPhotos { .. } => Usage(format!("{error}; see --split")).into(),
         EvalError::NotInteriorNet { .. } => Usage(format!("--protocol: {error}")).into(),
+        EvalError::Baseline(error) => Usage(format!("--baseline: {error} (--weights)")).into(),
         EvalError::External(error) => Usage(error.to_string()).into(),
         error => error.into(),
     }

@@ -6,4 +6,5 @@ pub mod eval;
 pub mod study;
 pub mod synth;
 pub mod train;
+pub mod train_baseline;
 pub mod weights;

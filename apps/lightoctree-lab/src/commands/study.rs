@@ -129,8 +129,15 @@ fn make(global: &Global, args: &MakeArgs) -> anyhow::Result<()> {
     };
     claim(folder, study.key(), args.force)?;
     write_json(&folder.join(KEY_FILE), COMMAND, serde_json::to_value(study.key())?)?;
-    let tools =
-        Tools { estimator: &estimator, profile: None, octree_depth, seed: global.seed, known: None, foreign: None };
+    let tools = Tools {
+        estimator: &estimator,
+        profile: None,
+        octree_depth,
+        seed: global.seed,
+        known: None,
+        foreign: None,
+        baselines: &[],
+    };
     let made = study.make(folder, &tools, &output::signature(COMMAND), &mut |event| bar.handle(event))?;
     drop(bar);
     let (key, shown) = (study.key(), folder.display());

@@ -9,8 +9,11 @@ use lightoctree_cli::args::Global;
 use lightoctree_cli::progress::{bar, seconds};
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{interrupt, output, report};
+use lo_dataset::stages::READ_SAMPLES;
 use lo_events::{Event, Figure, Stage};
 use lo_train::{CHECKPOINT_FILE, InitialWeights, TrainConfig, TrainError, TrainRequest, stages};
+
+use serde::Serialize;
 
 use crate::config::{self, ConfigArgs};
 
@@ -68,7 +71,7 @@ pub struct Args {
 }
 
 const COMMAND: &str = "train";
-const CONFIG: &str = "config.toml";
+pub(super) const CONFIG: &str = "config.toml";
 
 /// Trains until all phases are complete or Ctrl-C is pressed.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
@@ -87,7 +90,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             return Err(Usage(format!("{} contains a run: {hint}", folder.display())).into());
         }
     }
-    write_config(&folder.join(CONFIG), &config)?;
+    write_config(&folder.join(CONFIG), &config, COMMAND)?;
     crate::memory::retain_freed_memory();
     let request = TrainRequest {
         folder,
@@ -100,36 +103,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             (None, None, None) => InitialWeights::Random,
         },
     };
-    let mut progress = TrainProgress {
-        quiet: global.quiet,
-        phases: config.phase_stages(),
-        bar: ProgressBar::hidden(),
-        steps: 0,
-        last: Vec::new(),
-    };
-    let outcome = lo_train::train(&config, &request, &mut |event| {
-        progress.handle(event);
-        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
-    progress.bar.finish_and_clear();
-    let done = match outcome {
-        Ok(()) => true,
-        Err(TrainError::Cancelled(_)) => false,
-        Err(error) => return Err(error.into()),
-    };
-    if args.json {
-        // Figures have single precision; converting avoids spurious digits.
-        let last: serde_json::Map<_, _> =
-            progress.last.iter().map(|figure| (figure.name.to_owned(), (figure.value as f32).into())).collect();
-        let last = (!last.is_empty()).then_some(last);
-        report::print_json(&serde_json::json!({ "done": done, "steps": progress.steps, "validation": last }))?;
-    } else {
-        report::print(&format!("{}  {} steps{}", folder.display(), progress.steps, figures(&progress.last)));
-    }
-    if !done {
-        anyhow::bail!("stopped; to continue: lightoctree-lab train --resume -o {}", folder.display());
-    }
-    Ok(())
+    let mut progress = TrainProgress::new(global.quiet, config.phase_stages());
+    let outcome = lo_train::train(&config, &request, &mut |event| progress.handle_until_interrupted(event));
+    progress.finish(outcome, folder, "train", args.json)
 }
 
 /// Reads the configuration of `--config`, else of the run to resume, else the default.
@@ -146,14 +122,15 @@ fn read_config(args: &Args, run: Option<&Path>) -> anyhow::Result<TrainConfig> {
     Ok(config)
 }
 
-fn write_config(path: &Path, config: &TrainConfig) -> anyhow::Result<()> {
-    let text = format!("# {}\n{}", output::signature(COMMAND), config::text(config)?);
+/// Writes a run's configuration, signed by the command.
+pub(super) fn write_config<T: Serialize>(path: &Path, config: &T, command: &str) -> anyhow::Result<()> {
+    let text = format!("# {}\n{}", output::signature(command), config::text(config)?);
     lo_imaging::write_atomically(path, |out| std::io::Write::write_all(out, text.as_bytes()))
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// Shows the events of a run as a progress bar and lines on stderr.
-struct TrainProgress {
+pub(super) struct TrainProgress {
     quiet: bool,
     /// Stages of the training phases.
     phases: Vec<Stage>,
@@ -165,6 +142,49 @@ struct TrainProgress {
 }
 
 impl TrainProgress {
+    /// Shows the steps of these stages.
+    pub fn new(quiet: bool, phases: Vec<Stage>) -> Self {
+        Self { quiet, phases, bar: ProgressBar::hidden(), steps: 0, last: Vec::new() }
+    }
+
+    /// Handles an event, and stops the run after Ctrl-C.
+    pub fn handle_until_interrupted(&mut self, event: Event) -> ControlFlow<()> {
+        self.handle(event);
+        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Reports the end of a run by `command`.
+    ///
+    /// # Errors
+    /// The run's error, or that it was stopped.
+    pub fn finish(
+        self,
+        outcome: Result<(), TrainError>,
+        folder: &Path,
+        command: &str,
+        json: bool,
+    ) -> anyhow::Result<()> {
+        self.bar.finish_and_clear();
+        let done = match outcome {
+            Ok(()) => true,
+            Err(TrainError::Cancelled(_)) => false,
+            Err(error) => return Err(error.into()),
+        };
+        if json {
+            // Figures have single precision; converting avoids spurious digits.
+            let last: serde_json::Map<_, _> =
+                self.last.iter().map(|figure| (figure.name.to_owned(), (figure.value as f32).into())).collect();
+            let last = (!last.is_empty()).then_some(last);
+            report::print_json(&serde_json::json!({ "done": done, "steps": self.steps, "validation": last }))?;
+        } else {
+            report::print(&format!("{}  {} steps{}", folder.display(), self.steps, figures(&self.last)));
+        }
+        if !done {
+            anyhow::bail!("stopped; to continue: lightoctree-lab {command} --resume -o {}", folder.display());
+        }
+        Ok(())
+    }
+
     fn handle(&mut self, event: Event) {
         match event {
             Event::Begun(stage) if self.phases.contains(&stage) => {
@@ -183,6 +203,11 @@ impl TrainProgress {
             Event::Figures { stage, figures: found } if stage == stages::VALIDATION => {
                 self.print(&format!("validation{}", figures(&found)));
                 self.last = found;
+            }
+            Event::Begun(stage) if stage == READ_SAMPLES => self.bar = bar(self.quiet, 0, stage.name()),
+            Event::Progress { stage, done, total } if stage == READ_SAMPLES => {
+                self.bar.set_length(total);
+                self.bar.set_position(done);
             }
             Event::Figures { figures, .. } => {
                 self.steps += 1;

@@ -3,6 +3,7 @@
 
 mod support;
 
+mod baseline;
 mod data;
 mod documents;
 mod eval;

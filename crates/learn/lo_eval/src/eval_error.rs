@@ -1,5 +1,6 @@
 use std::path::PathBuf;
 
+use lo_baselines::BaselineError;
 use lo_dataset::DatasetError;
 use lo_events::Cancelled;
 
@@ -17,6 +18,9 @@ pub enum EvalError {
     /// The event handler cancelled the writing of photos.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+    /// A baseline does not belong to the networks.
+    #[error(transparent)]
+    Baseline(#[from] BaselineError),
     /// Lighthouse's choices are asked for of another dataset.
     #[error("{}: InteriorNet or Lighthouse's test set is needed, but the layout is {layout}", dataset.display())]
     NotInteriorNet {

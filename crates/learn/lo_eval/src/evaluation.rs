@@ -115,19 +115,25 @@ pub struct Evaluation<'a> {
 }
 
 impl<'a> Evaluation<'a> {
-    /// Opens the dataset. If `methods` is empty, selects all that the tools and the first photo allow.
+    /// Opens the dataset. If `methods` is empty, selects all that the tools and the first photo allow. The tools'
+    /// baselines are always among them.
     ///
     /// # Errors
-    /// Unreadable datasets; parts without photos; an unreadable first photo.
+    /// Unreadable datasets; parts without photos; an unreadable first photo; baselines that were trained on other
+    /// networks' features.
     pub fn open(photos: &PhotoSelection, methods: &[Method], tools: Tools<'a>) -> Result<Self, EvalError> {
         let (dataset, indices) = photos.open()?;
-        let methods = if methods.is_empty() {
+        if let Some(networks) = tools.estimator.networks() {
+            tools.baselines.iter().try_for_each(|baseline| baseline.check(networks))?;
+        }
+        let mut methods = if methods.is_empty() {
             let first = dataset.get(indices[0])?;
             let is_possible = |method: &Method| method.has_tools(&tools) && method.takes(&first);
             Method::ALL.into_iter().filter(is_possible).collect()
         } else {
             methods.to_vec()
         };
+        methods.extend(tools.baselines.iter().map(|baseline| Method::Baseline(baseline.system())));
         let (protocol, externals) = (photos.protocol, Vec::new());
         Ok(Self { dataset, indices, protocol, methods, externals, objects: None, panoramas: None, tools })
     }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use lo_baselines::{Baseline, Prediction, System};
 use lo_cone::{Cone, OctreeRenderer};
 use lo_dataset::{NovelView, Sample, TrueLeaves};
 use lo_estimate::{EstimateOptions, Estimator, Input, apply_light};
@@ -56,6 +57,8 @@ pub enum Method {
     PanoramaPrior(Option<DepthInput>, PriorPanorama),
     /// The known panorama as the light around every point.
     PanoramaEverywhere,
+    /// A trained system of the literature, from the photo alone.
+    Baseline(System),
 }
 
 /// Panorama prior of a method.
@@ -84,6 +87,15 @@ pub struct Tools<'a> {
     pub known: Option<&'a KnownPanorama>,
     /// A panorama of a different room, for `PriorPanorama::OfAnotherRoom`.
     pub foreign: Option<&'a KnownPanorama>,
+    /// Trained systems, for `Baseline`.
+    pub baselines: &'a [Baseline],
+}
+
+impl<'a> Tools<'a> {
+    /// Returns a trained system.
+    fn baseline(&self, system: System) -> Option<&'a Baseline> {
+        self.baselines.iter().find(|baseline| baseline.system() == system)
+    }
 }
 
 /// A method's result for a room.
@@ -111,6 +123,8 @@ pub enum EstimatedLight {
     },
     /// One panorama in the photo's frame, independent of the probe's position.
     Map(RadianceImage),
+    /// Light of a trained system that depends on the probe's position.
+    Predicted(Prediction),
 }
 
 /// Traces cones through estimated light.
@@ -187,6 +201,7 @@ impl Method {
             Self::NetworkCubed => "network-cubed",
             Self::TrueOctree => "true-octree",
             Self::PanoramaEverywhere => "panorama-everywhere",
+            Self::Baseline(system) => system.name(),
             Self::PanoramaPrior(_, PriorPanorama::OfAnotherRoom) => "panorama-of-another-room",
             Self::PanoramaPrior(None, PriorPanorama::YawGiven) => "panorama-prior",
             Self::PanoramaPrior(Some(DepthInput::Sensor), PriorPanorama::YawGiven) => "panorama-prior-sensor",
@@ -218,6 +233,7 @@ impl Method {
             | Self::SingleMap
             | Self::PanoramaPrior(..) => tools.estimator.networks().is_some(),
             Self::Profile | Self::FixedShape => tools.profile.is_some(),
+            Self::Baseline(system) => tools.estimator.networks().is_some() && tools.baseline(system).is_some(),
             _ => true,
         }
     }
@@ -276,6 +292,14 @@ impl Method {
                 let scene = estimate_lit(sample, input, tools, LightMode::Expected)?;
                 let viewers = SceneRenderer::new(&scene).with_detail(&scene);
                 Ok(MethodOutput::with_viewers(scene, viewers))
+            }
+            Self::Baseline(system) => {
+                let networks = tools.estimator.networks().ok_or(MethodError::Needs("weights"))?;
+                let baseline = tools.baseline(system).ok_or(MethodError::Needs("the baseline's weights"))?;
+                Ok(MethodOutput::of_light(match baseline.predict(networks, &sample.photo, &sample.camera) {
+                    Prediction::Map(panorama) => EstimatedLight::Map(panorama),
+                    local => EstimatedLight::Predicted(local),
+                }))
             }
             Self::PanoramaEverywhere => {
                 let known = tools.known.filter(|known| !known.is_scored);
@@ -349,6 +373,11 @@ impl MethodOutput {
         let panorama = match &self.light {
             EstimatedLight::Map(map) => {
                 RadianceImage::from_fn(width, height, |x, y| sample_equirectangular(map, direction(x, y)))
+            }
+            EstimatedLight::Predicted(prediction) => {
+                let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+                let directions: Vec<Vec3> = pixels.map(|(x, y)| direction(x, y)).collect();
+                RadianceImage::new(width, height, prediction.radiance(position_m, &directions))
             }
             EstimatedLight::Octree { tracer, .. } => {
                 // Half of the pixel pitch, as in `ConeTracer::panorama`.

@@ -241,6 +241,7 @@ mod tests {
             seed: 0,
             known: None,
             foreign: None,
+            baselines: &[],
         };
         let scorer = Scorer::new(None);
         let score = |method: Method| {
@@ -297,6 +298,7 @@ mod tests {
             seed: 0,
             known: None,
             foreign: None,
+            baselines: &[],
         };
         let estimate = Method::MeanColour.estimate(&sample, &tools).unwrap();
         let scores = Scorer::new(None).score(&sample, &estimate, &bright);

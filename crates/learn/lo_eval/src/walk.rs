@@ -114,7 +114,7 @@ fn parallax_px(estimate: &MethodOutput, view: &NovelView, depth_m: &DepthMap, en
             .iter()
             .map(|feature| px_of_angle((feature.point - view.position_m).angle_between(feature.point - end)))
             .collect(),
-        EstimatedLight::Octree { .. } => {
+        EstimatedLight::Octree { .. } | EstimatedLight::Predicted(_) => {
             let found = features
                 .iter()
                 .filter_map(|feature| matched_at(estimate, view.position_m, end, feature).map(|p| (feature, p)));
@@ -215,6 +215,11 @@ fn grid(estimate: &MethodOutput, eye: Vec3, feature: &Feature, side: usize) -> V
         EstimatedLight::Map(map) => {
             cones.iter().map(|cone| luminance(sample_equirectangular(map, cone.direction)).max(0.0).ln_1p()).collect()
         }
+        EstimatedLight::Predicted(prediction) => {
+            let directions: Vec<Vec3> = cones.iter().map(|cone| cone.direction).collect();
+            let radiance = prediction.radiance(eye, &directions);
+            radiance.into_iter().map(|rgb| luminance(rgb).max(0.0).ln_1p()).collect()
+        }
         EstimatedLight::Octree { tracer, .. } => {
             let samples = trace(tracer, eye, &cones);
             samples.iter().map(|sample| luminance(sample.radiance).max(0.0).ln_1p()).collect()
@@ -247,6 +252,7 @@ mod tests {
         seed: 0,
         known: None,
         foreign: None,
+        baselines: &[],
     };
 
     /// Returns the box room with random grey squares on its walls.

@@ -1,6 +1,6 @@
 //! Neural networks: dual-octree light network, differentiable rendering, depth and global light, and their losses.
 //!
-//! Only this crate and the trainer depend on burn, the deep-learning stack.
+//! Only this crate, the baselines and the trainer depend on burn, the deep-learning stack.
 
 #[cfg(feature = "training")]
 mod adam;

@@ -162,8 +162,8 @@ impl Variation {
         std::array::from_fn(|c| radiance[c] * self.gains[c])
     }
 
-    /// Crops and mirrors an image.
-    fn framed<T: Copy>(&self, image: &Image<T>) -> Image<T> {
+    /// Crops and mirrors an image of the photo's field of view.
+    pub fn framed<T: Copy>(&self, image: &Image<T>) -> Image<T> {
         let (width, height) = (image.width(), image.height());
         let [left, top] = [width, height].map(|size| self.margin(size));
         let column = |x: usize| if self.mirrored { width - 1 - left - x } else { left + x };

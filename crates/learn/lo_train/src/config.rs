@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::augmentation::AugmentationConfig;
 use crate::error::{ConfigError, check_range};
+use crate::net_trainer::Descent;
 use crate::panorama_data::PanoramaData;
 use crate::phases::{
     DepthPhase, ExpectedPhase, LightPhase, Phase, Schedule, depth_phases, expected_phases, joint_phases, light_phases,
@@ -189,6 +190,33 @@ impl Default for ValidationConfig {
     }
 }
 
+impl DataConfig {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// See [`ConfigError`].
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        self.generator.validate().map_err(|error| ConfigError::Generator(error.to_string()))?;
+        check_range("data.threads", self.threads as f64, 1.0, 256.0)?;
+        check_range("data.prefetch", self.prefetch as f64, 1.0, 1e4)?;
+        check_range("data.generated_rooms", self.generated_rooms.into(), 1.0, u32::MAX.into())?;
+        let repeats = |frames: &FramesData| check_range("data.frames.repeats", frames.repeats.into(), 1.0, 1e6);
+        self.frames.iter().try_for_each(repeats)
+    }
+}
+
+impl ValidationConfig {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// [`ConfigError::OutOfRange`].
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        check_range("validation.every_steps", self.every_steps as f64, 1.0, 1e12)?;
+        check_range("validation.photos", self.photos as f64, 0.0, 1e5)?;
+        check_range("validation.sheet_rows", self.sheet_rows as f64, 0.0, 64.0)
+    }
+}
+
 impl TrainConfig {
     /// Returns all phases in training order.
     pub(crate) fn phases(&self) -> Vec<(TrainingPhase, Phase)> {
@@ -197,6 +225,11 @@ impl TrainConfig {
         let joint = Phase::numbered(TrainedNetworks::Joint, self.joint.iter().cloned().map(Phase::Joint));
         let expected = Phase::numbered(TrainedNetworks::Expected, self.expected.iter().cloned().map(Phase::Expected));
         depth.into_iter().chain(light).chain(joint).chain(expected).collect()
+    }
+
+    /// Returns the options of every optimiser's steps.
+    pub(crate) fn descent(&self) -> Descent {
+        Descent { clip_norm: self.clip_norm, ema_decay: self.ema_decay }
     }
 
     /// Returns the stages of all phases in training order.
@@ -220,7 +253,8 @@ impl TrainConfig {
     /// See [`ConfigError`].
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.network.validate()?;
-        self.data.generator.validate().map_err(|error| ConfigError::Generator(error.to_string()))?;
+        self.data.validate()?;
+        self.validation.validate()?;
         self.augmentation.validate()?;
         check_range("clip_norm", self.clip_norm.into(), 1e-6, 1e6)?;
         check_range("ema_decay", self.ema_decay, 0.0, 0.999_999)?;
@@ -228,15 +262,6 @@ impl TrainConfig {
         check_range("checkpoint_minutes", self.checkpoint_minutes, 0.0, 1e6)?;
         check_range("log_steps", self.log_steps as f64, 1.0, 1e9)?;
         check_range("longer_side", self.longer_side as f64, 32.0, 1024.0)?;
-        check_range("data.threads", self.data.threads as f64, 1.0, 256.0)?;
-        check_range("data.prefetch", self.data.prefetch as f64, 1.0, 1e4)?;
-        check_range("data.generated_rooms", self.data.generated_rooms.into(), 1.0, u32::MAX.into())?;
-        for frames in &self.data.frames {
-            check_range("data.frames.repeats", frames.repeats.into(), 1.0, 1e6)?;
-        }
-        check_range("validation.every_steps", self.validation.every_steps as f64, 1.0, 1e12)?;
-        check_range("validation.photos", self.validation.photos as f64, 0.0, 1e5)?;
-        check_range("validation.sheet_rows", self.validation.sheet_rows as f64, 0.0, 64.0)?;
         let (full, finest) = (f64::from(self.network.full_depth), f64::from(self.network.depth));
         let mut shallowest = full;
         for (name, phase) in self.phases() {

@@ -42,7 +42,7 @@ pub enum UnusableSample {
     Invalid(String),
 }
 
-fn invalid(reason: impl ToString) -> UnusableSample {
+pub(crate) fn invalid(reason: impl ToString) -> UnusableSample {
     UnusableSample::Invalid(reason.to_string())
 }
 
@@ -110,7 +110,7 @@ impl DepthExample {
 /// Returns the true panorama at the camera: one that was taken there, else rendered from surface points, if any.
 ///
 /// A dataset whose panoramas are clipped at white has none: its light is too dark, and its surface points' as well.
-fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<RadianceImage>, UnusableSample> {
+pub(crate) fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<RadianceImage>, UnusableSample> {
     let (width, height) = PANORAMA;
     if sample.has_clipped_panoramas() {
         return Ok(None);
@@ -124,17 +124,26 @@ fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<Radian
     if sample.points.is_empty() {
         return Ok(None);
     }
+    let octree = surroundings(sample, variation, PANORAMA_DEPTHS)?;
+    let tracer = ConeTracer::new(&octree, Settings::default()).map_err(invalid)?;
+    Ok(Some(tracer.panorama(Vec3::ZERO, width, height).radiance))
+}
+
+/// Builds the octree of all surface points, of a depth between these: the finest without holes.
+pub(crate) fn surroundings(
+    sample: &Sample,
+    variation: &Variation,
+    [coarse, fine]: [u32; 2],
+) -> Result<LightOctree, UnusableSample> {
     let points = variation.points(&sample.points);
     let low = points.iter().map(|p| p.position_m).fold(Vec3::ZERO, Vec3::min);
     let high = points.iter().map(|p| p.position_m).fold(Vec3::ZERO, Vec3::max);
     let cube = Cube::centred(0.5 * (low + high), 1.01 * (high - low).max_element());
     let spacing_m = sample.point_area_m2.map_or(0.0, f32::sqrt);
-    let [coarse, fine] = PANORAMA_DEPTHS;
     let closed = |depth: &u32| cube.node_edge_m(*depth) >= MIN_LEAF_SPACINGS * spacing_m;
     let depth = (coarse..=fine).rev().find(closed).unwrap_or(coarse);
     let (octree, _) = LightOctree::from_points(&points, cube, depth, coarse).map_err(invalid)?;
-    let tracer = ConeTracer::new(&octree, Settings::default()).map_err(invalid)?;
-    Ok(Some(tracer.panorama(Vec3::ZERO, width, height).radiance))
+    Ok(octree)
 }
 
 /// A training example of the network of expected light.

@@ -321,7 +321,7 @@ impl Learner {
             self.depth_losses(self.depth.net.forward(&photos), &examples, config)
         };
         let mut gradients = total.backward();
-        let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, &share, config);
+        let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, &share, config.descent());
         progress.norms.push(("depth", norm.map_err(|error| with_losses(error, &progress))?));
         drop(gradients);
         self.discriminator_step(discriminator_input, learning_rate * config.discriminator_lr_ratio, &mut progress)?;
@@ -428,7 +428,7 @@ impl Learner {
         let named = named.map(|(name, loss)| (name, scalar(loss))).to_vec();
         let mut progress = Progress { losses: named, norms: Vec::new() };
         let mut gradients = losses.total().backward();
-        let norm = self.expected.descend(EXPECTED_NET, &mut gradients, learning_rate, &|_| 1.0, config);
+        let norm = self.expected.descend(EXPECTED_NET, &mut gradients, learning_rate, &|_| 1.0, config.descent());
         progress.norms.push(("expected", norm.map_err(|error| with_losses(error, &progress))?));
         Ok(progress)
     }
@@ -448,7 +448,7 @@ impl Learner {
         let global = Tensor::from_data(TensorData::new(global, [1, features]), &recording());
         let (total, mut progress) = self.light_losses(example, global, predicted_growth, config)?;
         let mut gradients = total.backward();
-        let norm = self.light.descend("light_net", &mut gradients, learning_rate, &|_| 1.0, config);
+        let norm = self.light.descend("light_net", &mut gradients, learning_rate, &|_| 1.0, config.descent());
         progress.norms.push(("light", norm.map_err(|error| with_losses(error, &progress))?));
         Ok(progress)
     }
@@ -495,9 +495,9 @@ impl Learner {
         let (depth, discriminator_input, mut progress) = self.depth_losses(output, &[depth_example], config);
         progress.losses.extend(light_progress.losses);
         let mut gradients = (light + depth).backward();
-        let norm = self.light.descend("light_net", &mut gradients, learning_rate, &|_| 1.0, config);
+        let norm = self.light.descend("light_net", &mut gradients, learning_rate, &|_| 1.0, config.descent());
         progress.norms.push(("light", norm.map_err(|error| with_losses(error, &progress))?));
-        let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, &|_| 1.0, config);
+        let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, &|_| 1.0, config.descent());
         progress.norms.push(("depth", norm.map_err(|error| with_losses(error, &progress))?));
         drop(gradients);
         self.discriminator_step(discriminator_input, learning_rate * config.discriminator_lr_ratio, &mut progress)?;

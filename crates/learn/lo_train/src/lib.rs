@@ -1,9 +1,11 @@
 //! Training of the networks (`docs/method.md` §7): depth network, light network, both jointly, and expected light.
+//! [`train_baseline`] trains the systems that the paper compares with.
 //!
 //! [`train`] runs all phases of a [`TrainConfig`] in one folder and reports progress through `lo_events`. The light
 //! network's inputs come from [`lo_estimate::ObservedFrame`], as in estimation.
 
 mod augmentation;
+mod baseline;
 mod batcher;
 mod config;
 mod encoder_weights;
@@ -36,6 +38,7 @@ pub mod weight_files;
 mod weights;
 
 pub use augmentation::AugmentationConfig;
+pub use baseline::{BaselineConfig, BaselineRequest, train_baseline};
 pub use config::{DataConfig, FramesData, TrainConfig, ValidationConfig};
 pub use encoder_weights::{EncoderOrigin, published, read_encoder};
 pub use error::{ConfigError, StepError, TrainError};

@@ -90,7 +90,7 @@ impl<'a> Run<'a> {
         let resumed = request.resume.then(|| RunState::read(&folder.join(CHECKPOINT_FILE))).transpose()?;
         // Rooms that are generated on the fly depend on the seed too.
         let seed = resumed.as_ref().map_or(request.seed, |(_, state)| state.seed);
-        let (sources, mut cancelled) = (Sources::open(config, seed)?, false);
+        let (sources, mut cancelled) = (Sources::open(&config.data, seed)?, false);
         let fingerprint = fingerprint(&*sources.all);
         let (learner, state) = match resumed {
             Some((learner, state)) if state.fingerprint == fingerprint => (learner, state),

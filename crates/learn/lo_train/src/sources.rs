@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use lo_dataset::{ConcatDataset, CropModel, Dataset, DatasetLayout, Frames, GeneratedDataset, Generator};
 
-use crate::config::{FramesData, TrainConfig};
+use crate::config::{DataConfig, FramesData};
 use crate::error::{ConfigError, TrainError};
 use crate::oversampled::Oversampled;
 use crate::panorama_data::PanoramaData;
@@ -24,8 +24,7 @@ impl Sources {
     ///
     /// # Errors
     /// Invalid generator configurations, unreadable datasets.
-    pub fn open(config: &TrainConfig, seed: u64) -> Result<Self, TrainError> {
-        let data = &config.data;
+    pub fn open(data: &DataConfig, seed: u64) -> Result<Self, TrainError> {
         let rooms: Arc<dyn Dataset> = match &data.folder {
             Some(folder) => DatasetLayout::detect(folder)?.open(folder, CropModel { seed, ..data.crop })?.into(),
             // Panoramas or frames alone are enough.

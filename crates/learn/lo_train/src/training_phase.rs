@@ -1,5 +1,6 @@
 use std::fmt;
 
+use lo_baselines::System;
 use lo_events::Stage;
 
 /// A phase of training.
@@ -24,6 +25,8 @@ pub enum TrainedNetworks {
     Joint,
     /// The expected-light network.
     Expected,
+    /// The network of a system that the paper compares with.
+    Baseline(System),
 }
 
 impl TrainingPhase {
@@ -41,6 +44,7 @@ impl fmt::Display for TrainingPhase {
             TrainedNetworks::Light => "light",
             TrainedNetworks::Joint => "joint",
             TrainedNetworks::Expected => "expected light",
+            TrainedNetworks::Baseline(system) => system.name(),
         })?;
         if self.of > 1 { write!(f, " {}/{}", self.number, self.of) } else { Ok(()) }
     }

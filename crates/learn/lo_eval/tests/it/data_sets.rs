@@ -15,7 +15,15 @@ const METHODS: [Method; 4] =
 /// Evaluates two photos and returns each method's mean figures; `None` where a method is not possible.
 fn evaluate(dataset: &Path, as_lighthouse: bool) -> Vec<Option<Scores>> {
     let estimator = Estimator::without_networks();
-    let tools = Tools { estimator: &estimator, profile: None, octree_depth: 5, seed: 0, known: None, foreign: None };
+    let tools = Tools {
+        estimator: &estimator,
+        profile: None,
+        octree_depth: 5,
+        seed: 0,
+        known: None,
+        foreign: None,
+        baselines: &[],
+    };
     let crops = CropModel { width: 96, height: 64, panorama_height: 32, ..CropModel::default() };
     let (layout, protocol, plans, part) = (None, None, None, None);
     let dataset = dataset.to_owned();

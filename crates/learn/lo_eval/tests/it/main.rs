@@ -1,6 +1,7 @@
 //! Measurements of cameras, several photos, published spheres and the sun. One binary, to link only once.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod baselines;
 mod camera;
 mod data_sets;
 #[path = "../../../../rooms/lo_dataset/tests/it/hypersim_layout.rs"]

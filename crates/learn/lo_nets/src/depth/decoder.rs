@@ -35,12 +35,14 @@ pub struct ConvStage {
 }
 
 impl ConvStage {
-    pub(super) fn new(channels: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
+    /// Creates the stage for `channels` `[in, out]`, in groups of eight.
+    pub fn new(channels: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
         let norm = GroupNormConfig::new((channels[1] / 8).max(1), channels[1]).init(device);
         Self { conv: conv(channels, 3, 1, false, stream, device), norm }
     }
 
-    pub(super) fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+    /// `[in, images, height, width] → [out, images, height, width]`.
+    pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let x = conv2d(x, &self.conv);
         let affine = group_norm(&self.norm, &ChannelMoments::per_image(x.clone()));
         activate(x, affine, Rectifier::Relu)

@@ -46,8 +46,9 @@ pub struct PanoramaDecoder {
 }
 
 impl GlobalEncoder {
-    /// Creates an encoder from `channels` channels to an `f_L` of `features` numbers.
-    pub(super) fn new([channels, features]: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
+    /// Creates an encoder from `channels` channels to an `f_L` of `features` numbers, of which the last three are the
+    /// photo's log mean colour.
+    pub fn new([channels, features]: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
         Self {
             conv: conv([channels, CELL_CHANNELS], 1, 1, true, stream, device),
             hidden: Linear::with_bias([CELLS[0] * CELLS[1] * CELL_CHANNELS, HIDDEN], stream, device),
@@ -66,28 +67,52 @@ impl GlobalEncoder {
 
 impl PanoramaDecoder {
     pub(super) fn new(features: usize, stream: &mut Stream, device: &Device) -> Self {
-        let input = Linear::with_bias([features, PANORAMA_CHANNELS[0] * 4 * 8], stream, device);
-        let stages = PANORAMA_CHANNELS.windows(2).map(|pair| ConvStage::new([pair[0], pair[1]], stream, device));
-        let (stages, output) = (stages.collect(), conv([PANORAMA_CHANNELS[4], 3], 3, 1, true, stream, device));
+        Self::with_shape(features, &PANORAMA_CHANNELS, 3, stream, device)
+    }
+
+    /// Creates a decoder whose stages have these channels, from 4 × 8 pixels on, each with twice the resolution of the
+    /// one before, to `outputs` channels.
+    ///
+    /// # Panics
+    /// Without channels.
+    pub fn with_shape(
+        features: usize,
+        channels: &[usize],
+        outputs: usize,
+        stream: &mut Stream,
+        device: &Device,
+    ) -> Self {
+        let (first, last) = (channels[0], channels[channels.len() - 1]);
+        let input = Linear::with_bias([features, first * 4 * 8], stream, device);
+        let stages = channels.windows(2).map(|pair| ConvStage::new([pair[0], pair[1]], stream, device));
+        let (stages, output) = (stages.collect(), conv([last, outputs], 3, 1, true, stream, device));
         Self { input, stages, output }
     }
 
-    /// Decodes `f_L [images, features]` to linear radiance `[3, images, 64, 128]`: equirectangular panoramas at the
-    /// cameras.
+    /// Decodes `f_L [images, features]` to linear radiance `[3, images, height, 2 · height]`: equirectangular panoramas
+    /// at the cameras, of 64 × 128 pixels in the depth network. The decoder must have three outputs.
     pub fn forward(&self, features: Tensor<2>) -> Tensor<4> {
         let [images, length] = features.dims();
         let log_colour = features.clone().narrow(1, length - COLOUR, COLOUR);
-        let x = relu(self.input.forward(features)).reshape([images, PANORAMA_CHANNELS[0], 4, 8]).swap_dims(0, 1);
+        let log = self.decode(features) + log_colour.swap_dims(0, 1).reshape([COLOUR, images, 1, 1]);
+        let log = activation::softplus(log, 1.0);
+        log.clamp_max(f64::from(MAX_RADIANCE).ln_1p()).exp() - 1.0
+    }
+
+    /// Decodes `[images, features]` to the outputs of the last convolution, `[outputs, images, height, 2 · height]`:
+    /// equirectangular images of any quantity.
+    pub fn decode(&self, features: Tensor<2>) -> Tensor<4> {
+        let images = features.dims()[0];
+        let x = relu(self.input.forward(features));
+        let first = x.dims()[1] / (4 * 8);
+        let x = x.reshape([images, first, 4, 8]).swap_dims(0, 1);
         let x = self.stages.iter().fold(x, |x, stage| {
             let x = upsample_nearest(x, None);
             let width = x.dims()[3];
             stage.forward(wrapped(x)).narrow(3, 1, width)
         });
         let width = x.dims()[3];
-        let log = conv2d(wrapped(x), &self.output).narrow(3, 1, width);
-        let log = log + log_colour.swap_dims(0, 1).reshape([COLOUR, images, 1, 1]);
-        let log = activation::softplus(log, 1.0);
-        log.clamp_max(f64::from(MAX_RADIANCE).ln_1p()).exp() - 1.0
+        conv2d(wrapped(x), &self.output).narrow(3, 1, width)
     }
 }
 

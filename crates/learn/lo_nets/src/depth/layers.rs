@@ -44,8 +44,8 @@ impl ConvShape {
     }
 }
 
-/// Creates a convolution with symmetric padding.
-pub(super) fn conv(
+/// Creates a convolution of a square kernel with symmetric padding, with weights as torchvision draws them.
+pub fn conv(
     channels: [usize; 2],
     kernel: usize,
     stride: usize,

@@ -17,6 +17,7 @@ pub use densenet::{DENSENET_CHANNELS, DenseBlock, DenseLayer, DenseNet, Transiti
 pub use efficientnet::{EfficientNetLite, EfficientNetScale, InvertedResidual, NormedConv, Separable};
 pub use encoder::{Encoder, EncoderKind};
 pub use global::{GlobalEncoder, PanoramaDecoder};
+pub use layers::conv;
 pub use losses::{DepthLossConfig, depth_losses, panorama_loss};
 pub use network::{DepthNet, DepthNetConfig, DepthOutput, LONGER_SIDE, panorama_image, photo_within, size_within};
 pub use patch_gan::PatchGan;

@@ -181,6 +181,16 @@ impl DepthNet {
         self.decoded(photos, self.encoder.forward(self.input(photos)))
     }
 
+    /// Predicts as [`DepthNet::forward`] does, and returns the encoder's features at 1/2, 1/4, 1/8, 1/16 and 1/32 of the
+    /// photos' resolution after padding to multiples of 32.
+    ///
+    /// # Panics
+    /// As [`DepthNet::forward`].
+    pub fn forward_with_features(&self, photos: &[&Image<[u8; 3]>]) -> (DepthOutput, [Tensor<4>; 5]) {
+        let features = self.encoder.forward(self.input(photos));
+        (self.decoded(photos, features.clone()), features)
+    }
+
     /// Predicts as [`DepthNet::forward`] does, without gradients into the encoder.
     ///
     /// # Panics

@@ -1,6 +1,7 @@
 //! Training: complete runs, weights files, and overfitting of single scenes.
 #![allow(clippy::unwrap_used)]
 
+mod baseline;
 mod encoder_weights;
 #[path = "../../../../rooms/lo_dataset/tests/it/hypersim_layout.rs"]
 mod hypersim_layout;

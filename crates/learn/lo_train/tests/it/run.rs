@@ -24,7 +24,7 @@ fn small_rooms(crop_size: [u32; 2], shots: u32) -> GeneratorConfig {
 
 /// Returns a shard of six rooms, one of them for validation, generated once for all tests; a room takes a second or
 /// two.
-fn rooms() -> PathBuf {
+pub fn rooms() -> PathBuf {
     static ROOMS: OnceLock<PathBuf> = OnceLock::new();
     let make = || {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("rooms");
