@@ -126,8 +126,8 @@ pub struct Args {
 
     /// Also score a trained system of the literature, as written by train-baseline; may be repeated
     ///
-    /// Names: gardner2017, nir2019, deeplight2019, garon2019, li2020, lighthouse2020. It must have been trained on the features of the
-    /// networks of --weights.
+    /// Names: gardner2017, nir2019, deeplight2019, garon2019, li2020, lighthouse2020. It must have been trained on the
+    /// features of the networks of --weights.
     #[arg(long, value_name = "NAME=FILE", value_parser = baseline)]
     baseline: Vec<(System, PathBuf)>,
 

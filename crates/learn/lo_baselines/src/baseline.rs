@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use burn::module::Module;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Device;
 use lo_geometry::Camera;
 use lo_imaging::Image;
 use lo_nets::Networks;
@@ -14,12 +14,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::deeplight::DeepLightNet;
 use crate::dense::Cells;
-use crate::example::{BaselineExample, Probe};
+use crate::example::BaselineExample;
 use crate::features::{FeatureBatch, FeatureShape, PhotoFeatures};
 use crate::gardner::GardnerNet;
 use crate::garon::GaronNet;
 use crate::li::LiNet;
 use crate::lighthouse::LighthouseNet;
+use crate::losses::Losses;
 use crate::nir::NirNet;
 use crate::prediction::{CellLight, Prediction, SurfaceLight};
 use crate::{BaselineError, System};
@@ -45,19 +46,7 @@ pub enum BaselineNet {
     Lighthouse(LighthouseNet),
 }
 
-/// A term of a loss.
-#[derive(Clone, Debug)]
-pub(crate) struct Term {
-    name: &'static str,
-    value: Tensor<1>,
-    weight: f32,
-}
-
-/// Terms of a loss with their weights.
-#[derive(Clone, Debug)]
-pub struct Losses(Vec<Term>);
-
-/// What a file of weights says about them.
+/// Description of the weights in their file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Description {
     system: System,
@@ -71,32 +60,6 @@ struct Description {
 pub struct Baseline {
     net: BaselineNet,
     description: Description,
-}
-
-impl Term {
-    pub(crate) fn new(name: &'static str, value: Tensor<1>, weight: f32) -> Self {
-        Self { name, value, weight }
-    }
-}
-
-impl Losses {
-    pub(crate) fn new<const N: usize>(terms: [Term; N]) -> Self {
-        Self(terms.into())
-    }
-
-    /// Returns the weighted sum.
-    ///
-    /// # Panics
-    /// Without terms.
-    pub fn total(&self) -> Tensor<1> {
-        let weighted = self.0.iter().map(|term| term.value.clone() * term.weight);
-        weighted.reduce(|sum, term| sum + term).expect("every loss has terms")
-    }
-
-    /// Returns names and unweighted values.
-    pub fn values(&self) -> Vec<(&'static str, f32)> {
-        self.0.iter().map(|term| (term.name, term.value.clone().inner().into_scalar::<f32>())).collect()
-    }
 }
 
 impl BaselineNet {
@@ -152,19 +115,6 @@ impl BaselineNet {
             Self::Lighthouse(net) => Prediction::Volume(net.predict(&batch, features)),
         }
     }
-}
-
-/// Returns the cells of all probes, ordered by photo.
-pub(crate) fn probe_cells(examples: &[&BaselineExample]) -> Cells {
-    let of_image = |(image, example): (usize, &&BaselineExample)| {
-        example.probes.iter().map(|probe| [image, probe.cell[0], probe.cell[1]]).collect::<Vec<_>>()
-    };
-    Cells { at: examples.iter().enumerate().flat_map(of_image).collect() }
-}
-
-/// Returns the probes in the order of [`probe_cells`].
-pub(crate) fn probes<'a>(examples: &'a [&BaselineExample]) -> impl Iterator<Item = &'a Probe> {
-    examples.iter().flat_map(|example| &example.probes)
 }
 
 /// Returns a hash of all weights of a depth network, to recognise it.

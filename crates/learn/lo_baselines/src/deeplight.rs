@@ -5,10 +5,10 @@ use burn::tensor::{Device, Tensor, TensorData};
 use lo_imaging::{RadianceImage, resize_equirectangular};
 use lo_random::Stream;
 
-use crate::baseline::{Losses, Term};
 use crate::example::{BaselineExample, PROBE_MAP};
 use crate::features::{FeatureBatch, FeatureShape};
 use crate::global::MapNet;
+use crate::losses::{Losses, Term};
 use crate::spheres::{BallMaterial, Balls};
 
 /// Channels from 4 × 8 to 16 × 32 pixels.

@@ -32,14 +32,6 @@ pub enum BaselineError {
         /// The system.
         system: System,
     },
-    /// There is no system of this name.
-    #[error("no baseline is called \"{name}\"; there are {known}")]
-    UnknownSystem {
-        /// The name.
-        name: String,
-        /// All names.
-        known: String,
-    },
     /// An example's file is incomplete.
     #[error("the file of a training example has no valid \"{what}\"")]
     Example {

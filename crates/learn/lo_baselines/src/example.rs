@@ -25,7 +25,7 @@ pub struct Probe {
     pub distance_m: DepthMap,
 }
 
-/// What baselines learn from one photo.
+/// Training example of one photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaselineExample {
     /// Features of the photo.

@@ -1,4 +1,4 @@
-//! What the frozen depth network knows of a photo: the input of all baselines.
+//! Features of a photo by the frozen depth network: the input of all baselines.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use lo_geometry::{Camera, Vec3};

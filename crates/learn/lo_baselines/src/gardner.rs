@@ -6,10 +6,10 @@ use lo_geometry::{Vec3, pixel_direction, pixel_solid_angle_sr};
 use lo_imaging::{RadianceImage, linear_from_srgb, luminance, srgb_from_linear};
 use lo_random::Stream;
 
-use crate::baseline::{Losses, Term};
 use crate::example::{BaselineExample, PANORAMA};
 use crate::features::{FeatureBatch, FeatureShape};
 use crate::global::MapNet;
+use crate::losses::{Losses, Term};
 use crate::spheres::row_weights;
 
 /// Channels from 4 × 8 to 64 × 128 pixels.

@@ -8,12 +8,12 @@ use lo_nets::depth::{ConvStage, conv};
 use lo_nets::layers::Linear;
 use lo_random::Stream;
 
-use crate::baseline::{Losses, Term, probe_cells, probes};
 use crate::dense::{CELL_CHANNELS, Cells};
 use crate::example::{BaselineExample, PROBE_MAP};
 use crate::features::{FeatureBatch, FeatureShape};
 use crate::global::GlobalPath;
 use crate::harmonics::{COEFFICIENTS, Harmonics, projection};
+use crate::losses::{Losses, Term, probe_cells, probes};
 use crate::planes::Planes;
 
 /// Width of the hidden layers.

@@ -9,12 +9,12 @@ use lo_nets::conv::conv2d;
 use lo_nets::depth::{conv, panorama_loss};
 use lo_random::Stream;
 
-use crate::baseline::{Losses, Term, probe_cells, probes};
 use crate::dense::{CELL_CHANNELS, Cells, DenseDecoder};
 use crate::example::{BaselineExample, PROBE_MAP};
 use crate::features::{FeatureBatch, FeatureShape};
 use crate::gaussians::{Gaussian, render};
 use crate::global::GlobalPath;
+use crate::losses::{Losses, Term, probe_cells, probes};
 
 /// Lobes of a pixel.
 const LOBES: usize = 12;

@@ -11,10 +11,10 @@ use lo_nets::depth::{conv, panorama_loss};
 use lo_nets::layers::Linear;
 use lo_random::Stream;
 
-use crate::baseline::{Losses, Term};
 use crate::example::{BaselineExample, PROBE_MAP};
 use crate::features::{FeatureBatch, FeatureShape, PhotoFeatures};
 use crate::global::GlobalPath;
+use crate::losses::{Losses, Term};
 use crate::volume::{Grid, Volume, VoxelRay, render};
 
 /// Voxels along an edge.

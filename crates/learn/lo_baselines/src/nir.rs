@@ -11,13 +11,13 @@ use lo_nets::conv::conv2d;
 use lo_nets::depth::{conv, panorama_image, panorama_loss};
 use lo_random::Stream;
 
-use crate::baseline::{Losses, Term};
 use crate::deeplight;
 use crate::dense::{CELL_CHANNELS, Cells, DenseDecoder};
 use crate::example::{BaselineExample, PROBE_MAP};
 use crate::features::{FeatureBatch, FeatureShape};
 use crate::gaussians::directions;
 use crate::global::{GlobalPath, MapNet};
+use crate::losses::{Losses, Term};
 use crate::planes::Planes;
 
 /// Every how many cells one is rendered, which is enough for the panorama's gradient.

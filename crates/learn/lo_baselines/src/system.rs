@@ -3,7 +3,15 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::BaselineError;
+/// There is no system of this name.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("no baseline is called \"{name}\"; there are {known}")]
+pub struct UnknownSystem {
+    /// The name.
+    pub name: String,
+    /// All names.
+    pub known: String,
+}
 
 /// A system of the literature. Its serialised name is used in configurations, weights files and tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -54,12 +62,12 @@ impl fmt::Display for System {
 }
 
 impl FromStr for System {
-    type Err = BaselineError;
+    type Err = UnknownSystem;
 
-    fn from_str(name: &str) -> Result<Self, BaselineError> {
+    fn from_str(name: &str) -> Result<Self, UnknownSystem> {
         Self::ALL.into_iter().find(|system| system.name() == name).ok_or_else(|| {
             let known: Vec<&str> = Self::ALL.into_iter().map(Self::name).collect();
-            BaselineError::UnknownSystem { name: name.to_owned(), known: known.join(", ") }
+            UnknownSystem { name: name.to_owned(), known: known.join(", ") }
         })
     }
 }

@@ -181,8 +181,8 @@ impl DepthNet {
         self.decoded(photos, self.encoder.forward(self.input(photos)))
     }
 
-    /// Predicts as [`DepthNet::forward`] does, and returns the encoder's features at 1/2, 1/4, 1/8, 1/16 and 1/32 of the
-    /// photos' resolution after padding to multiples of 32.
+    /// Predicts as [`DepthNet::forward`] does, and returns the encoder's features at 1/2, 1/4, 1/8, 1/16 and 1/32 of
+    /// the photos' resolution after padding to multiples of 32.
     ///
     /// # Panics
     /// As [`DepthNet::forward`].
