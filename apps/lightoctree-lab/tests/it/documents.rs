@@ -72,7 +72,7 @@ fn documented_commands_that_do_not_exist_are_found() {
     );
 }
 
-/// Every configuration is used by a documented `synth`, `train` or `study make` command, and parses.
+/// Every configuration is used by a documented `synth`, `train`, `train-baseline`, `eval` or `study make` command, and parses.
 #[test]
 fn configurations_parse() {
     let folder = tempfile::tempdir().unwrap();
@@ -82,7 +82,7 @@ fn configurations_parse() {
     let mut commands: Vec<_> = documents.iter().flat_map(|path| in_document("", &text(path))).collect();
     commands.extend(in_comments_of_configurations());
     for path in configurations {
-        let name = format!("configs/{}", path.file_name().unwrap().to_string_lossy());
+        let name = path.strip_prefix(root()).unwrap().to_string_lossy().replace('\\', "/");
         let uses = commands.iter().filter(|command| command.words.contains(&name));
         let uses: BTreeSet<_> = uses.map(|command| command.words[1].as_str()).collect();
         assert!(!uses.is_empty(), "no documented command uses {name}");

@@ -197,7 +197,7 @@ fn objects_are_lit_by_every_methods_panorama() {
     let sheet = imaging::read_photo(at.join("report/objects.png")).unwrap().photo;
     assert_eq!(sheet.width(), 4 + 4 * 148);
     let message = refused(at, 2, &["eval", "config.toml", "--protocol", "insertion", "--objects", "-o", "none"]);
-    assert!(message.contains("remove --external, --panoramas and --objects"), "{message}");
+    assert!(message.contains("remove --external, --baseline, --panoramas and --objects"), "{message}");
 }
 
 #[test]
