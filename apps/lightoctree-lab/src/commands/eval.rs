@@ -13,7 +13,7 @@ use lightoctree_cli::commands::parse;
 use lightoctree_cli::progress::seconds;
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{output, report};
-use lo_baselines::{Baseline, BaselineError, System};
+use lo_baselines::{Baseline, System, UnknownSystem};
 use lo_dataset::{CropModel, Generator, GeneratorConfig};
 use lo_eval::{
     EvalError, Evaluation, External, InsertionEvaluation, InsertionMethod, Method, PhotoSelection, Profile,
@@ -246,7 +246,7 @@ fn external(text: &str) -> Result<(String, PathBuf), String> {
 /// Parses `NAME=FILE` of `--baseline`.
 fn baseline(text: &str) -> Result<(System, PathBuf), String> {
     let (name, file) = text.split_once('=').filter(|(_, file)| !file.is_empty()).ok_or("expected NAME=FILE")?;
-    Ok((name.parse().map_err(|error: BaselineError| error.to_string())?, file.into()))
+    Ok((name.parse().map_err(|error: UnknownSystem| error.to_string())?, file.into()))
 }
 
 /// Runs the evaluation, or computes a profile.
