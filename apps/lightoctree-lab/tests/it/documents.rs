@@ -72,7 +72,8 @@ fn documented_commands_that_do_not_exist_are_found() {
     );
 }
 
-/// Every configuration is used by a documented `synth`, `train`, `train-baseline`, `eval` or `study make` command, and parses.
+/// Every configuration is used by a documented `synth`, `train`, `train-baseline`, `eval` or `study make` command, and
+/// parses.
 #[test]
 fn configurations_parse() {
     let folder = tempfile::tempdir().unwrap();
