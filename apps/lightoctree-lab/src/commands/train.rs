@@ -53,21 +53,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     encoder_weights: Option<PathBuf>,
 
-    /// Continue from the checkpoint in the output folder, with its configuration or that of --config
-    #[arg(long)]
-    resume: bool,
-
-    /// Output folder of the run
-    #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
-    output: Option<PathBuf>,
-
-    /// Start a new run in a folder that contains another run or other files
-    #[arg(long, conflicts_with = "resume")]
-    force: bool,
-
-    /// Print a summary as JSON: completion, steps and the last validation
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    run: RunArgs,
 }
 
 const COMMAND: &str = "train";
@@ -75,26 +62,16 @@ pub(super) const CONFIG: &str = "config.toml";
 
 /// Trains until all phases are complete or Ctrl-C is pressed.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    let Some(folder) = args.output.as_deref().filter(|_| !args.config.print_config) else {
+    let Some(folder) = args.run.output.as_deref().filter(|_| !args.config.print_config) else {
         report::print(config::text(&read_config(args, None)?)?.trim_end());
         return Ok(());
     };
-    if args.resume && !folder.join(CHECKPOINT_FILE).exists() {
-        return Err(Usage(format!("{} has no {CHECKPOINT_FILE} to resume from", folder.display())).into());
-    }
-    let config = read_config(args, args.resume.then_some(folder))?;
-    if !args.resume {
-        output::prepare_folder(folder, CONFIG, COMMAND, args.force)?;
-        if folder.join(CHECKPOINT_FILE).exists() && !args.force {
-            let hint = "continue it with --resume, or replace it with --force";
-            return Err(Usage(format!("{} contains a run: {hint}", folder.display())).into());
-        }
-    }
-    write_config(&folder.join(CONFIG), &config, COMMAND)?;
+    let config = read_config(args, args.run.resumed(folder)?)?;
+    args.run.prepare(folder, &config, COMMAND)?;
     crate::memory::retain_freed_memory();
     let request = TrainRequest {
         folder,
-        resume: args.resume,
+        resume: args.run.resume,
         seed: global.seed,
         start: match (&args.weights, &args.depth_weights, &args.encoder_weights) {
             (Some(file), ..) => InitialWeights::Networks(file),
@@ -105,7 +82,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     };
     let mut progress = TrainProgress::new(global.quiet, config.phase_stages());
     let outcome = lo_train::train(&config, &request, &mut |event| progress.handle_until_interrupted(event));
-    progress.finish(outcome, folder, "train", args.json)
+    progress.finish(outcome, folder, COMMAND, args.run.json)
 }
 
 /// Reads the configuration of `--config`, else of the run to resume, else the default.
@@ -122,11 +99,55 @@ fn read_config(args: &Args, run: Option<&Path>) -> anyhow::Result<TrainConfig> {
     Ok(config)
 }
 
-/// Writes a run's configuration, signed by the command.
-pub(super) fn write_config<T: Serialize>(path: &Path, config: &T, command: &str) -> anyhow::Result<()> {
-    let text = format!("# {}\n{}", output::signature(command), config::text(config)?);
-    lo_imaging::write_atomically(path, |out| std::io::Write::write_all(out, text.as_bytes()))
-        .with_context(|| format!("cannot write {}", path.display()))
+/// Options of the folder of a run.
+#[derive(Debug, clap::Args)]
+pub(super) struct RunArgs {
+    /// Continue from the checkpoint in the output folder, with its configuration or that of --config
+    #[arg(long)]
+    pub resume: bool,
+
+    /// Output folder of the run
+    #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
+    pub output: Option<PathBuf>,
+
+    /// Start a new run in a folder that contains another run or other files
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
+
+    /// Print a summary as JSON: completion, steps and the last validation
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl RunArgs {
+    /// Returns the folder of the run to resume; `None` for a new run.
+    ///
+    /// # Errors
+    /// A run to resume without a checkpoint.
+    pub fn resumed<'a>(&self, folder: &'a Path) -> anyhow::Result<Option<&'a Path>> {
+        if self.resume && !folder.join(CHECKPOINT_FILE).exists() {
+            return Err(Usage(format!("{} has no {CHECKPOINT_FILE} to resume from", folder.display())).into());
+        }
+        Ok(self.resume.then_some(folder))
+    }
+
+    /// Prepares the folder of a new run, and writes the configuration, signed by the command.
+    ///
+    /// # Errors
+    /// Folders with another run or other files, unless `--force` is given; errors of the file system.
+    pub fn prepare<T: Serialize>(&self, folder: &Path, config: &T, command: &str) -> anyhow::Result<()> {
+        if !self.resume {
+            output::prepare_folder(folder, CONFIG, command, self.force)?;
+            if folder.join(CHECKPOINT_FILE).exists() && !self.force {
+                let hint = "continue it with --resume, or replace it with --force";
+                return Err(Usage(format!("{} contains a run: {hint}", folder.display())).into());
+            }
+        }
+        let path = folder.join(CONFIG);
+        let text = format!("# {}\n{}", output::signature(command), config::text(config)?);
+        lo_imaging::write_atomically(&path, |out| std::io::Write::write_all(out, text.as_bytes()))
+            .with_context(|| format!("cannot write {}", path.display()))
+    }
 }
 
 /// Shows the events of a run as a progress bar and lines on stderr.

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use lightoctree_cli::args::Global;
+use lightoctree_cli::report;
 use lightoctree_cli::usage::Usage;
-use lightoctree_cli::{output, report};
-use lo_train::{BaselineConfig, BaselineRequest, CHECKPOINT_FILE};
+use lo_train::{BaselineConfig, BaselineRequest};
 
-use super::train::{CONFIG, TrainProgress, write_config};
+use super::train::{CONFIG, RunArgs, TrainProgress};
 use crate::config::{self, ConfigArgs};
 
 /// Options of `train-baseline`.
@@ -39,54 +39,31 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     examples: Option<PathBuf>,
 
-    /// Continue from the checkpoint in the output folder, with its configuration or that of --config
-    #[arg(long)]
-    resume: bool,
-
-    /// Output folder of the run
-    #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
-    output: Option<PathBuf>,
-
-    /// Start a new run in a folder that contains another run or other files
-    #[arg(long, conflicts_with = "resume")]
-    force: bool,
-
-    /// Print a summary as JSON: completion, steps and the last validation
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    run: RunArgs,
 }
 
 const COMMAND: &str = "train-baseline";
 
 /// Trains until all steps are complete or Ctrl-C is pressed.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    let Some(folder) = args.output.as_deref().filter(|_| !args.config.print_config) else {
+    let Some(folder) = args.run.output.as_deref().filter(|_| !args.config.print_config) else {
         report::print(config::text(&read_config(args, None)?)?.trim_end());
         return Ok(());
     };
-    if args.resume && !folder.join(CHECKPOINT_FILE).exists() {
-        return Err(Usage(format!("{} has no {CHECKPOINT_FILE} to resume from", folder.display())).into());
-    }
-    let config = read_config(args, args.resume.then_some(folder))?;
+    let config = read_config(args, args.run.resumed(folder)?)?;
     if args.weights.is_none() && !cfg!(feature = "weights") {
         return Err(Usage("--weights FILE is required: this program has no built-in weights".into()).into());
     }
     let estimator = lightoctree_cli::commands::estimator(args.weights.as_deref())?;
     let networks = estimator.networks().context("the estimator has no networks")?;
-    if !args.resume {
-        output::prepare_folder(folder, CONFIG, COMMAND, args.force)?;
-        if folder.join(CHECKPOINT_FILE).exists() && !args.force {
-            let hint = "continue it with --resume, or replace it with --force";
-            return Err(Usage(format!("{} contains a run: {hint}", folder.display())).into());
-        }
-    }
-    write_config(&folder.join(CONFIG), &config, COMMAND)?;
+    args.run.prepare(folder, &config, COMMAND)?;
     crate::memory::retain_freed_memory();
     let examples = args.examples.clone().unwrap_or_else(|| folder.join("examples"));
-    let request = BaselineRequest { folder, examples: &examples, networks, resume: args.resume, seed: global.seed };
+    let request = BaselineRequest { folder, examples: &examples, networks, resume: args.run.resume, seed: global.seed };
     let mut progress = TrainProgress::new(global.quiet, vec![config.stage()]);
     let outcome = lo_train::train_baseline(&config, &request, &mut |event| progress.handle_until_interrupted(event));
-    progress.finish(outcome, folder, COMMAND, args.json)
+    progress.finish(outcome, folder, COMMAND, args.run.json)
 }
 
 /// Reads the configuration of `--config`, else of the run to resume, else the default.

@@ -51,7 +51,7 @@ pub enum BaselineNet {
 struct Description {
     system: System,
     features: FeatureShape,
-    /// [`fingerprint`] of the depth network, hexadecimal.
+    /// [`fingerprint`] of the depth network.
     depth_net: String,
 }
 
@@ -117,19 +117,20 @@ impl BaselineNet {
     }
 }
 
-/// Returns a hash of all weights of a depth network, to recognise it.
-pub fn fingerprint(depth_net: &DepthNet) -> u64 {
+/// Returns a hash of all weights of a depth network, hexadecimal, to recognise it.
+pub fn fingerprint(depth_net: &DepthNet) -> String {
     let mut weights = Checkpoint::default();
     weights.add_module("", depth_net);
     let names: Vec<String> = weights.shapes().map(|(name, _)| name.to_owned()).collect();
     let values = names.iter().filter_map(|name| weights.values(name)).flatten();
-    lo_random::hash(&values.flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
+    let hash = lo_random::hash(&values.flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>());
+    format!("{hash:016x}")
 }
 
 impl Baseline {
-    /// Wraps a trained network that records no gradients.
-    pub fn new(system: System, net: BaselineNet, features: FeatureShape, depth_net: u64) -> Self {
-        Self { net, description: Description { system, features, depth_net: format!("{depth_net:016x}") } }
+    /// Wraps a trained network that records no gradients. `depth_net` is the [`fingerprint`] of the depth network.
+    pub fn new(system: System, net: BaselineNet, features: FeatureShape, depth_net: String) -> Self {
+        Self { net, description: Description { system, features, depth_net } }
     }
 
     /// Returns the system.
@@ -188,7 +189,7 @@ impl Baseline {
     /// # Errors
     /// [`BaselineError::OtherFeatures`].
     pub fn check(&self, networks: &Networks) -> Result<(), BaselineError> {
-        if format!("{:016x}", fingerprint(&networks.depth)) == self.description.depth_net {
+        if fingerprint(&networks.depth) == self.description.depth_net {
             return Ok(());
         }
         Err(BaselineError::OtherFeatures { system: self.system() })

@@ -124,7 +124,7 @@ impl GaronNet {
 
 /// Returns the mean squared error of coefficients, each probe's relative to the size of its true ones.
 ///
-/// Linear radiance of a probe beside a lamp is a hundred times that of others.
+/// Beside a lamp, a probe has a hundred times the linear radiance of other probes.
 fn relative_error(got: Tensor<2>, truth: Tensor<2>) -> Tensor<1> {
     let size = truth.clone().square().mean_dim(1).sqrt() + DARK;
     ((got - truth) / size).square().mean()

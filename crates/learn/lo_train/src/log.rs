@@ -68,6 +68,11 @@ impl Log {
         Ok(())
     }
 
+    /// Writes the line of a failed step, after which the run continues from an earlier one.
+    pub fn setback(&mut self, phase: TrainingPhase, step: u64, fault: &str, back_to_step: u64) -> std::io::Result<()> {
+        self.line(&json!({ "phase": phase.to_string(), "step": step, "fault": fault, "back_to_step": back_to_step }))
+    }
+
     /// Adds the losses and norms of a step to the means.
     pub fn add(&mut self, progress: &Progress) {
         progress.losses.iter().chain(&progress.norms).for_each(|&(name, value)| self.mean.add(name, value));

@@ -39,7 +39,7 @@ const GENERATOR: &str = "lightoctree-lab train";
 const MAX_UNUSABLE: u64 = 1000;
 
 /// Rollbacks to one checkpoint after which the run fails.
-const MAX_ROLLBACKS: u32 = 5;
+pub(crate) const MAX_ROLLBACKS: u32 = 5;
 
 /// Trains all phases, or stops after the current step if `on_event` asks for it.
 ///
@@ -322,8 +322,7 @@ impl<'a> Run<'a> {
         self.freeze_statistics();
         self.log.restart();
         let (fault, back_to_step) = (error.to_string(), self.state.step);
-        let line = json!({ "phase": phase.to_string(), "step": step, "fault": fault, "back_to_step": back_to_step });
-        self.log.line(&line).map_err(TrainError::io(&self.folder.join(LOG_FILE)))?;
+        self.log.setback(phase, step, &fault, back_to_step).map_err(TrainError::io(&self.folder.join(LOG_FILE)))?;
         self.warn(TrainingWarning::SetBack { phase, step, fault, back_to_step });
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! Faces of leaves that border on empty space.
 
+use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 
@@ -9,7 +10,7 @@ use crate::{LightPatch, PatchShape};
 pub(crate) const RAY_TANGENT: f32 = 0.01;
 
 /// Opacity above which such a ray hit something.
-pub(crate) const MET: f32 = 0.5;
+const MET: f32 = 0.5;
 
 /// Number of leaves, from a face inwards, whose light leaves through it. Shells of inferred surfaces are up to this
 /// thick.
@@ -29,6 +30,22 @@ impl Face {
         let Self { centre, normal, edge_m, radiance } = self;
         LightPatch { shape: PatchShape::Square { centre, normal, edge_m }, radiance, extent: edge_m * edge_m }
     }
+}
+
+/// Returns for each face, by its leaf's centre and edge and its normal, whether it looks into the room: a ray from before
+/// it meets something. The back of a closed room's shell looks into empty space. If no face looks into the room, the
+/// octree is not closed, and all do.
+pub(crate) fn look_into_room(faces: impl Iterator<Item = (Vec3, f32, Vec3)>, tracer: &ConeTracer) -> Vec<bool> {
+    let cone = |(centre, edge_m, normal): (Vec3, f32, Vec3)| Cone {
+        origin: centre + normal * 1.5 * edge_m,
+        direction: normal,
+        tan_half_angle: RAY_TANGENT,
+    };
+    let cones: Vec<Cone> = faces.map(cone).collect();
+    let mut samples = vec![ConeSample::default(); cones.len()];
+    tracer.trace_batch(&cones, &mut samples);
+    let is_closed = samples.iter().any(|sample| sample.opacity > MET);
+    samples.iter().map(|sample| !is_closed || sample.opacity > MET).collect()
 }
 
 /// Returns the share of what is behind a face that the nodes there stop, along the normal.

@@ -1,11 +1,11 @@
 //! Leaves of an octree with the surface that they expose to the room, and their adjacency.
 
-use lo_cone::{Cone, ConeSample, ConeTracer};
+use lo_cone::ConeTracer;
 use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 
 use crate::cap::luminance;
-use crate::face::{MET, RAY_TANGENT, exposed_normals, opacity_behind};
+use crate::face::{exposed_normals, look_into_room, opacity_behind};
 use crate::shape::LeafSurface;
 
 /// A non-empty node that is not split.
@@ -66,18 +66,15 @@ impl Leaves {
         for (i, leaf) in self.all.iter().enumerate() {
             faces.extend(exposed_normals(light, leaf.depth, leaf.surface.centre_m).map(|normal| (i, normal)));
         }
-        let cone = |&(i, normal): &(usize, Vec3)| {
+        let places = faces.iter().map(|&(i, normal)| {
             let LeafSurface { centre_m, edge_m, .. } = self.all[i].surface;
-            Cone { origin: centre_m + normal * 1.5 * edge_m, direction: normal, tan_half_angle: RAY_TANGENT }
-        };
-        let cones: Vec<Cone> = faces.iter().map(cone).collect();
-        let mut samples = vec![ConeSample::default(); cones.len()];
-        tracer.trace_batch(&cones, &mut samples);
-        let closed = samples.iter().any(|sample| sample.opacity > MET);
+            (centre_m, edge_m, normal)
+        });
+        let look_inside = look_into_room(places, tracer);
         let mut axes = vec![Vec3::ZERO; self.all.len()];
         let mut opacities = vec![(0.0, 0.0); self.all.len()];
-        for ((i, normal), sample) in faces.into_iter().zip(&samples) {
-            if !closed || sample.opacity > MET {
+        for ((i, normal), looks_inside) in faces.into_iter().zip(look_inside) {
+            if looks_inside {
                 axes[i] += normal.abs();
                 let Leaf { depth, surface, .. } = &mut self.all[i];
                 opacities[i].0 += opacity_behind(light, *depth, surface.centre_m, normal);

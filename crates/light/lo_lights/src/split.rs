@@ -1,11 +1,11 @@
-use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
+use lo_cone::{ConeTracer, Settings};
 use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 
 use crate::LightPatch;
 use crate::balance::balance;
 use crate::cap::{cap_of, excess};
-use crate::face::{Face, MET, RAY_TANGENT, exposed_normals, nodes_behind};
+use crate::face::{Face, exposed_normals, look_into_room, nodes_behind};
 
 /// Splits a lighting octree at the cap into patches of light and the octree without their excess. The two add up to the
 /// whole, as cones of `tracer` see it from `eyes`.
@@ -26,26 +26,14 @@ pub fn split_octree(light: &LightOctree, tracer: &ConeTracer, eyes: &[Vec3]) -> 
         let centre = light.node_middle_m(leaf.depth, light.octree.key(leaf));
         faces.extend(bright_faces(light, leaf.depth, centre, &excess));
     }
-    let inside = looking_into_room(&faces, tracer);
-    // An octree that is not closed has no inside; then all faces count.
-    let mut faces = if inside.is_empty() { faces } else { inside };
+    let look_inside = look_into_room(faces.iter().map(|face: &Face| (face.centre, face.edge_m, face.normal)), tracer);
+    let mut look_inside = look_inside.into_iter();
+    faces.retain(|_| look_inside.next() == Some(true));
     let lamps = ConeTracer::new(&with(light.rows_with(|depth, row, _| excess[depth][row])), Settings::default());
     if let Ok(lamps) = lamps {
         balance(&mut faces, tracer, &lamps, eyes);
     }
     (faces.into_iter().map(Face::patch).collect(), dimmed)
-}
-
-/// Returns the faces before which a ray meets anything. The back of a closed room's shell looks into empty space.
-fn looking_into_room(faces: &[Face], tracer: &ConeTracer) -> Vec<Face> {
-    let cone = |&Face { centre, normal, edge_m, .. }: &Face| {
-        let origin = centre + normal * 1.5 * edge_m;
-        Cone { origin, direction: normal, tan_half_angle: RAY_TANGENT }
-    };
-    let cones: Vec<Cone> = faces.iter().map(cone).collect();
-    let mut samples = vec![ConeSample::default(); cones.len()];
-    tracer.trace_batch(&cones, &mut samples);
-    faces.iter().zip(&samples).filter(|(_, sample)| sample.opacity > MET).map(|(face, _)| *face).collect()
 }
 
 /// Returns the faces of a leaf that border on empty nodes and show bright leaves.

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lo_baselines::{BaselineExample, fingerprint};
+use lo_baselines::BaselineExample;
 use lo_dataset::stages::READ_SAMPLES;
 use lo_dataset::{LoaderState, Split, fingerprint as dataset_fingerprint, indices_of};
 use lo_events::{Cancelled, Event, OnEvent, warn};
+use lo_nets::Networks;
 use lo_nets::checkpoint::{Checkpoint, Precision};
 use lo_nets::depth::DepthNet;
 use serde_json::json;
@@ -44,7 +45,7 @@ pub(super) struct ExampleSet {
 impl ExampleSet {
     /// Reads the examples from a subfolder of `folder` that is named by their key, and makes and writes those that it
     /// lacks. Neither the system nor the number of photos is part of the key: all systems share their examples, and a
-    /// smaller pool is the beginning of a larger one.
+    /// smaller pool is the beginning of a larger one. `depth_net` is the fingerprint of the networks' depth network.
     ///
     /// # Errors
     /// Unreadable data, files that cannot be read or written, cancellation. What was made until then is kept.
@@ -52,7 +53,8 @@ impl ExampleSet {
         config: &BaselineConfig,
         folder: &Path,
         seed: u64,
-        depth_net: &DepthNet,
+        networks: &Networks,
+        depth_net: &str,
         on_event: OnEvent,
     ) -> Result<Self, TrainError> {
         let sources = Sources::open(&config.data, seed)?;
@@ -62,7 +64,7 @@ impl ExampleSet {
             "version": VERSION,
             "rooms_and_places": format!("{:016x}", dataset_fingerprint(&*sources.all)),
             "data": crops,
-            "depth_net": format!("{:016x}", fingerprint(depth_net)),
+            "depth_net": depth_net,
             "seed": seed,
             "probes": config.probes,
             "augmentation": config.variations(),
@@ -76,7 +78,7 @@ impl ExampleSet {
         })
         .map_err(TrainError::io(&list))?;
         let files = ExampleFiles { folder };
-        let maker = Maker { config, sources, depth_net, seed, files: &files };
+        let maker = Maker { config, sources, depth_net: &networks.depth, seed, files: &files };
         maker.train(on_event)?;
         let validation = maker.validation(on_event)?;
         // Those just made are read, too, so that they are as rounded as those of a resumed run.

@@ -24,11 +24,9 @@ use crate::error::{StepError, TrainError};
 use crate::learner::Progress;
 use crate::log::Log;
 use crate::request::{CHECKPOINT_FILE, LOG_FILE, WEIGHTS_FILE};
+use crate::run::MAX_ROLLBACKS;
 use crate::stages;
 use crate::warning::TrainingWarning;
-
-/// Rollbacks to one checkpoint after which the run fails.
-const MAX_ROLLBACKS: u32 = 5;
 
 /// Input of a baseline's run beside its configuration.
 #[derive(Clone, Copy, Debug)]
@@ -57,17 +55,17 @@ pub fn train_baseline(config: &BaselineConfig, request: &BaselineRequest, on_eve
     let path = request.folder.join(CHECKPOINT_FILE);
     let resumed = request.resume.then(|| BaselineTrainer::read(&path)).transpose()?;
     let seed = resumed.as_ref().map_or(request.seed, |trainer| trainer.state.seed);
-    let depth_net = &request.networks.depth;
+    let depth_net = fingerprint(&request.networks.depth);
     let other = |reason: &str| TrainError::NotThisRun { path: path.clone(), reason: reason.to_owned() };
     if let Some(trainer) = &resumed {
         if trainer.state.system != config.system {
             return Err(other(&format!("the run trains {}, not {}", trainer.state.system, config.system)));
         }
-        if trainer.state.depth_net != format!("{:016x}", fingerprint(depth_net)) {
+        if trainer.state.depth_net != depth_net {
             return Err(other("the run has features of other weights; give the weights that it was started with"));
         }
     }
-    let examples = ExampleSet::open(config, request.examples, seed, depth_net, on_event)?;
+    let examples = ExampleSet::open(config, request.examples, seed, request.networks, &depth_net, on_event)?;
     let key = format!("{:016x}", examples.key);
     let trainer = match resumed {
         Some(trainer) if trainer.state.examples != key => {
@@ -76,20 +74,16 @@ pub fn train_baseline(config: &BaselineConfig, request: &BaselineRequest, on_eve
         Some(trainer) => trainer,
         None => {
             let features = examples.train[0].features.shape();
-            let depth_net = format!("{:016x}", fingerprint(depth_net));
-            let (system, examples) = (config.system, key);
-            let counts = (0, 0, 0, 0);
-            let (step, averaged, setbacks, log_bytes) = counts;
             BaselineTrainer::new(BaselineState {
-                system,
+                system: config.system,
                 features,
                 depth_net,
                 seed,
-                step,
-                averaged,
-                setbacks,
-                examples,
-                log_bytes,
+                step: 0,
+                averaged: 0,
+                setbacks: 0,
+                examples: key,
+                log_bytes: 0,
             })
         }
     };
@@ -213,8 +207,9 @@ impl Run<'_, '_> {
         self.trainer.state.setbacks = setbacks;
         self.log.restart();
         let (fault, back_to_step) = (error.to_string(), self.trainer.state.step);
-        let line = json!({ "phase": phase.to_string(), "step": step, "fault": fault, "back_to_step": back_to_step });
-        self.log.line(&line).map_err(TrainError::io(&self.request.folder.join(LOG_FILE)))?;
+        self.log
+            .setback(phase, step, &fault, back_to_step)
+            .map_err(TrainError::io(&self.request.folder.join(LOG_FILE)))?;
         self.emit(Event::Warning(Arc::new(TrainingWarning::SetBack { phase, step, fault, back_to_step })));
         Ok(())
     }

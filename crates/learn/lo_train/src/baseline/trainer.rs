@@ -25,7 +25,7 @@ const ADAM: &str = "training.adam";
 pub(super) struct BaselineState {
     pub system: System,
     pub features: FeatureShape,
-    /// Fingerprint of the depth network, hexadecimal.
+    /// [`fingerprint`](lo_baselines::fingerprint) of the depth network.
     pub depth_net: String,
     pub seed: u64,
     /// Completed steps.
@@ -89,8 +89,7 @@ impl BaselineTrainer {
     /// Returns the averaged network as a baseline.
     pub fn exported(&self) -> Baseline {
         let BaselineState { system, features, ref depth_net, .. } = self.state;
-        let depth_net = u64::from_str_radix(depth_net, 16).unwrap_or_default();
-        Baseline::new(system, self.net.average.clone(), features, depth_net)
+        Baseline::new(system, self.net.average.clone(), features, depth_net.clone())
     }
 
     /// Takes one step. `progress` is the share of training that is done.
