@@ -32,8 +32,8 @@ impl Face {
     }
 }
 
-/// Returns for each face, by its leaf's centre and edge and its normal, whether it looks into the room: a ray from before
-/// it meets something. The back of a closed room's shell looks into empty space. If no face looks into the room, the
+/// Returns for each face (its leaf's centre and edge, its normal) whether it looks into the room: a ray from before it
+/// meets something. The back of a closed room's shell looks into empty space. If no face looks into the room, the
 /// octree is not closed, and all do.
 pub(crate) fn look_into_room(faces: impl Iterator<Item = (Vec3, f32, Vec3)>, tracer: &ConeTracer) -> Vec<bool> {
     let cone = |(centre, edge_m, normal): (Vec3, f32, Vec3)| Cone {
